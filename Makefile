@@ -17,12 +17,13 @@ UV_VERSION := 0.13.8
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run wheel compiled docs test test-fast test-long test-socketcan lint bench \
-  bench-batch clean constraints
+.PHONY: help setup run wheel release pythons licences compiled docs test test-fast test-long \
+  test-socketcan lint bench bench-batch clean constraints
 
 help:
 	@echo "make run    rehearse the default campaign on the simulated WaveBot; results in runs/"
 	@echo "make wheel  build the package that pip installs; result in dist/"
+	@echo "make release  sdist, wheel, SBOM in dist/; licences checked, installed and tested"
 	@echo "make test   lint, types, import contracts, and all tests except most of the long ones"
 	@echo "make test-fast   lint and the tests that take at most a few seconds (some minutes)"
 	@echo "make test-long   lint and all tests"
@@ -60,10 +61,45 @@ wheel: setup
 	fi
 	@ls dist/*.whl
 
-# MkDocs takes the pages of docs/, docs/generate/ those that the program generates.
+# MkDocs takes the pages of docs/, docs/generate/ those that the program generates. With --quiet it
+# would not count its warnings, so that --strict would have no effect.
 docs: setup
-	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 	@echo "site/index.html"
+
+# The wheel is built from the sdist, so tests of the wheel are tests of both.
+RELEASE := build/release
+CYCLONEDX := cyclonedx-bom==7.5.0
+release: setup
+	rm -rf dist $(RELEASE)
+	$(BIN)/uv build --quiet --build-constraint constraints.txt
+	$(BIN)/uv venv --quiet --python $(BIN)/python $(RELEASE)
+	$(BIN)/uv pip install --quiet --python $(RELEASE)/bin/python --constraint constraints.txt \
+	  packaging dist/*.whl
+	$(RELEASE)/bin/python .ci/licences.py
+	$(BIN)/uv tool run --quiet --from $(CYCLONEDX) cyclonedx-py environment --of JSON \
+	  --output-file dist/sbom.cdx.json $(RELEASE)/bin/python
+	WEC_RIG_WHEEL=$$(ls dist/*.whl) $(PYTEST) --long all tests/cli/test_cli_installed.py
+	@$(MAKE) --no-print-directory pythons
+	@ls dist
+
+licences: setup
+	$(BIN)/python .ci/licences.py
+
+# An interpreter that is not there is named and left out. PYTHON_3_12=/path/to/python3.12 adds one.
+VERSIONS := 3.11 3.12 3.13 3.14
+pythons: setup
+	@for version in $(VERSIONS); do \
+	  python=$$(printenv PYTHON_$$(echo $$version | tr . _) || \
+	    $(BIN)/uv python find --no-python-downloads $$version 2>/dev/null) || \
+	    { echo "Python $$version SKIPPED: no interpreter on this host"; continue; }; \
+	  where=build/python-$$version; rm -rf $$where; \
+	  $(BIN)/uv venv --quiet --python $$python $$where && \
+	  $(BIN)/uv pip install --quiet --python $$where/bin/python dist/*.whl && \
+	  (cd $$where && bin/rig run quick >run.log 2>&1 && bin/rig replay last >>run.log) && \
+	  echo "Python $$version: a rehearsal and its replay" || \
+	    { echo "Python $$version FAILED: $$where/run.log"; exit 1; }; \
+	done
 
 lint: setup
 	$(BIN)/ruff check .
@@ -71,7 +107,6 @@ lint: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.docs.prose
-	@$(MAKE) --no-print-directory docs
 
 # Tests of runs in real time mostly wait. The other tests run at the same time, in the processor time
 # that these leave: at the kernel's idle priority, which every other process displaces at once.
@@ -103,10 +138,10 @@ compiled: setup
 
 test: setup
 	@rm -rf $(FLAKY) .pytest_cache/with*_clock; mkdir -p .pytest_cache
-	@$(IDLE) $(MAKE) --no-print-directory lint >$(LINT_LOG) 2>&1 & lint=$$!; \
+	@$(IDLE) $(MAKE) --no-print-directory lint docs >$(LINT_LOG) 2>&1 & lint=$$!; \
 	trap "kill $$lint 2>/dev/null" EXIT; \
 	$(MAKE) --no-print-directory compiled; \
-	echo "tests in real time; lint and the other tests at the same time, their output follows below"; \
+	echo "tests in real time; lint, site and the other tests at the same time, their output follows below"; \
 	$(PYTEST) $(WITHOUT_CLOCK) --idle -n 2 --dist worksteal >$(LOG) 2>&1 & others=$$!; \
 	trap "kill $$others $$lint 2>/dev/null" EXIT; \
 	two=popen; ! eval "$$OWN_NETWORK true" || two="2*popen//python=$$OWN_NETWORK $(BIN)/python"; \
@@ -122,7 +157,7 @@ test: setup
 test-long: LONG := all
 test-long: test
 
-test-fast: lint
+test-fast: lint docs
 	$(PYTEST) -m "not slow and not realtime" --long none -n 2 --dist worksteal
 
 # Ends with status 77 and the reason if no such kernel is available.

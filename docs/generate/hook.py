@@ -13,7 +13,9 @@ from mkdocs.structure.files import File, Files
 from docs.generate import (
     commands,
     fault_tables,
+    law_list,
     log_fields,
+    parts,
     repository_links,
     trip_reasons,
     yaml_keys,
@@ -28,6 +30,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/cli.md": commands.page,
     "reference/yaml/index.md": yaml_keys.index,
     **{f"reference/yaml/{name}.md": partial(yaml_keys.page, name) for name in yaml_keys.FILES},
+    "reference/law_list.md": law_list.page,
     "reference/log_fields.md": log_fields.page,
     "reference/trip_reasons.md": trip_reasons.page,
     "reference/faults.md": fault_tables.index,
@@ -62,5 +65,5 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Name the files of the repository that a page links to."""
-    return repository_links.rewrite(markdown, page.file.src_uri, ROOT, PUBLISHED)
+    """Add the generated parts, and name the files of the repository that a page links to."""
+    return repository_links.rewrite(parts.fill(markdown), page.file.src_uri, ROOT, PUBLISHED)

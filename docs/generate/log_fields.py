@@ -32,12 +32,15 @@ def _section(name: str) -> str:
 
 
 def _meanings(row_type: Any, path: tuple[str, ...]) -> Any:
-    """Yield path and meaning of each number: its own text, after that of the group it is in."""
+    """Yield path and meaning of each number: its own text, or that of the group it is in."""
     own = meanings(row_type)
     for name, hint in get_type_hints(row_type).items():
         here = (*path, name)
         if hasattr(hint, "_fields"):
+            about = (hint.__doc__ or "").partition("\n")[0]
+            generated = about.startswith(f"{hint.__name__}(")  # by NamedTuple
+            group = own.get(name) or ("" if generated else about)
             for below, text in _meanings(hint, here):
-                yield below, text or own.get(name, "")
+                yield below, text or group
         else:
             yield here, own.get(name, "")

@@ -27,4 +27,6 @@ def sentence(text: str) -> str:
     if not text:
         return ""
     ended = text if text[-1] in ".:!?" else f"{text}."
-    return ended[0].upper() + ended[1:]
+    first = text.split()[0]
+    is_name = "." in first.rstrip(".") or "_" in first  # of the program, which keeps its letters
+    return ended if is_name else ended[0].upper() + ended[1:]

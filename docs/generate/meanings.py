@@ -1,7 +1,7 @@
 """Meanings of fields, read from the source of their classes.
 
-A field of a model or of a log row has its meaning in a comment on its line or in the docstring
-below it, or its type has one. Pages, and readers of the code, see the same text.
+A field of a model or of a log row has its meaning in a comment on its line, in the docstring below
+it or in a comment above it, or its type has one. Pages, and readers of the code, see the same text.
 """
 
 import ast
@@ -10,6 +10,7 @@ import inspect
 import io
 import sys
 import tokenize
+from collections.abc import Mapping
 from functools import cache
 from itertools import zip_longest
 from typing import NamedTuple
@@ -63,6 +64,7 @@ def _of_class(owner: type) -> dict[str, str]:
             text = (
                 _docstring(after)
                 or _comment(source, node)
+                or _comment_above(source, node)
                 or _of_alias(owner.__module__, node.annotation)
             )
             if text:
@@ -70,9 +72,23 @@ def _of_class(owner: type) -> dict[str, str]:
     return found
 
 
+def type_meanings(module: str, types: Mapping[str, object]) -> dict[str, str]:
+    """Return the docstrings of a module's named types, by the keys that have these types."""
+    names = {id(value): name for name, value in vars(sys.modules[module]).items()}
+    return {key: _alias_docstring(module, names[id(each)]) for key, each in types.items()}
+
+
 def _comment(source: _Source, node: ast.AnnAssign) -> str:
     lines = range(node.lineno, (node.end_lineno or node.lineno) + 1)
     return " ".join(source.comments[line] for line in lines if line in source.comments)
+
+
+def _comment_above(source: _Source, node: ast.AnnAssign) -> str:
+    """Return the comment in the lines above a field, up to the next line of code."""
+    lines: list[str] = []
+    while (line := node.lineno - 1 - len(lines)) in source.alone:
+        lines.insert(0, source.alone[line])
+    return " ".join(lines)
 
 
 def _docstring(node: ast.AST | None) -> str:

@@ -26,6 +26,7 @@ def page() -> str:
 
 def _table(reasons: tuple[TripReason, ...]) -> str:
     rows = (
-        [each.number, code(each.name), each.category, sentence(each.text), ""] for each in reasons
+        [each.number, code(each.name), each.category, sentence(each.text), sentence(each.advice)]
+        for each in reasons
     )
     return table(["number", "name", "stop category", "meaning", "what to do"], rows)

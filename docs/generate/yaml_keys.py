@@ -10,13 +10,17 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from docs.generate.markdown import cell, code, sentence, table
-from docs.generate.meanings import meanings
+from docs.generate.meanings import meanings, type_meanings
 from rig.config import ranges
 from rig.config.calibration_file import CalibrationFile
+from rig.config.matrix import MatrixColumns
 from rig.config.problems import format_number
 from rig.config.uncertainty import UncertaintyBudget
 from rig.config.wiring import Wiring
+from rig.execution.fault_table import FaultTableFile
 from rig.kinds import registry
+from rig.kinds.wavebot.config import columns
+from sim_plant.modes.parameters import Plant
 
 Model = type[BaseModel]
 
@@ -31,6 +35,25 @@ class FileKind(NamedTuple):
 
 def _by_kind(room: str, name: str, kinds: tuple[str, ...]) -> dict[str, Model]:
     return {kind: getattr(registry.find(kind).room(room), name) for kind in kinds}
+
+
+def _models_in(annotation: Any) -> Iterator[Model]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for each in get_args(annotation):
+        yield from _models_in(each)
+
+
+def _wirings(kinds: tuple[str, ...]) -> dict[str, Model]:
+    """Return the model of the section `wiring` in the rig files of each kind."""
+    rigs = _by_kind("config", "RigFile", kinds)
+    return {
+        kind: next(_models_in(rig.model_fields["wiring"].annotation)) for kind, rig in rigs.items()
+    }
+
+
+def _is_wiring(model: type) -> bool:
+    return issubclass(model, Wiring)
 
 
 KINDS = tuple(registry.OWN_PACKAGES)
@@ -53,7 +76,7 @@ FILES = {
     ),
     "wiring": FileKind(
         "Wiring",
-        {"": Wiring},
+        _wirings(KINDS),
         "The section `wiring` of a rig file: buses, drives, sensors and terminals. A rig without "
         "it can be rehearsed only.",
     ),
@@ -61,6 +84,18 @@ FILES = {
         "Limits files",
         _by_kind("config", "LimitsFile", KINDS),
         "The limits of a rig. No limit has a default: `rig check` refuses a file without one.",
+    ),
+    "faults": FileKind(
+        "Fault tables",
+        {"": FaultTableFile},
+        "Faults of a rig's emulated devices, with the required reactions; `rig faults` rehearses "
+        "them.",
+    ),
+    "plant": FileKind(
+        "Plant files",
+        {"": Plant},
+        "The simulated plant of a rig of kind `modular`. A number may have unit and source: "
+        "`{value: 253.36, unit: N/m, source: free decay}`.",
     ),
     "calibration": FileKind(
         "Calibration files",
@@ -84,7 +119,7 @@ def page(name: str) -> str:
     for rig_kind, model in kind.models.items():
         title = f"Kind `{rig_kind}`" if rig_kind else "Keys"
         for each in _reached(model):
-            if each in seen or (each is Wiring and name != "wiring"):
+            if each in seen or (_is_wiring(each) and name != "wiring"):
                 continue
             seen.add(each)
             heading = f"## {title}" if each is model else f"### {_label(each)}"
@@ -107,19 +142,35 @@ def keys_without_meaning() -> dict[str, list[str]]:
     for kind in FILES.values():
         for model in kind.models.values():
             for each in _reached(model):
-                texts = meanings(each)
-                missing = [
-                    name
-                    for name, info in each.model_fields.items()
-                    if not (info.description or texts.get(name) or _selects(info))
-                ]
-                if missing:
+                if missing := keys_without_meaning_of(each):
                     found[f"{each.__module__}.{each.__qualname__}"] = missing
     return found
 
 
+def keys_without_meaning_of(model: Model) -> list[str]:
+    """Return the keys of a mapping that have no meaning in its model."""
+    texts = meanings(model)
+    return [
+        name for name, info in model.model_fields.items() if not _meaning(info, texts.get(name, ""))
+    ]
+
+
+def _meaning(info: FieldInfo, text: str) -> str:
+    """Return the meaning of a key: its own text, or that of the mapping below it."""
+    if text or info.description:
+        return sentence(text or info.description)
+    if _selects(info):
+        return "Selects this mapping."
+    below = list(dict.fromkeys(_models_in(info.annotation)))
+    if len(below) != 1:
+        return ""
+    return sentence(inspect.cleandoc(below[0].__doc__ or "").partition("\n\n")[0])
+
+
 def _section(heading: str, model: Model, file: str) -> str:
     texts = meanings(model)
+    if issubclass(model, MatrixColumns):
+        texts = type_meanings(columns.__name__, columns.COLUMNS.types) | texts
     rows = [
         _row(info.alias or name, info, texts.get(name, ""), model, file)
         for name, info in model.model_fields.items()
@@ -133,10 +184,7 @@ def _row(key: str, info: FieldInfo, text: str, model: Model, file: str) -> list[
     values = ranges.allowed_values(model, (key,))
     range_text = values.description("") if values else ""
     reason = values.reason() if values else ""
-    text = info.description or text
-    if _selects(info):
-        text = text or "Selects this mapping."
-    meaning = sentence(text) + (f" Reason for the range: {reason}." if reason else "")
+    meaning = _meaning(info, text) + (f" Reason for the range: {reason}." if reason else "")
     return [
         code(key),
         _type(info.annotation, file),
@@ -184,17 +232,26 @@ def _type(annotation: Any, file: str) -> str:
     if origin in (dict, types.MappingProxyType) or getattr(origin, "__name__", "") == "Mapping":
         return f"mapping of {_type(arguments[1], file)} by name"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        where = "wiring.md" if annotation is Wiring and file != "wiring" else ""
-        return f"[{cell(_label(annotation))}]({where}#{annotation.__name__})"
+        where = "wiring.md" if _is_wiring(annotation) and file != "wiring" else ""
+        return f"[{cell(_short(annotation))}]({where}#{annotation.__name__})"
     return _PLAIN.get(annotation, getattr(annotation, "__name__", "value").lower())
 
 
-def _label(model: Model) -> str:
-    """Return the name of a mapping: that of its class, in small letters, or its `kind`."""
-    kind = model.model_fields.get("kind")
-    choices = get_args(kind.annotation) if kind and get_origin(kind.annotation) is Literal else ()
+def _kind(model: Model) -> str:
+    """Return the value of the key `kind` that selects a mapping; empty if none does."""
+    info = model.model_fields.get("kind")
+    return str(get_args(info.annotation)[0]) if info and _selects(info) else ""
+
+
+def _short(model: Model) -> str:
+    """Return the name of a mapping in a table: its `kind`, or its class in small letters."""
     name = "".join(f" {c.lower()}" if c.isupper() else c for c in model.__name__).strip()
-    return f"{name} (kind: {choices[0]})" if len(choices) == 1 else name
+    return _kind(model) or name.removeprefix("_")
+
+
+def _label(model: Model) -> str:
+    """Return the name of a mapping in a heading."""
+    return f"`kind: {_kind(model)}`" if _kind(model) else _short(model).capitalize()
 
 
 def _reached(model: Model) -> list[Model]:
@@ -206,7 +263,7 @@ def _reached(model: Model) -> list[Model]:
             return
         one.model_rebuild()
         found[one] = None
-        if one is Wiring and model is not Wiring:
+        if _is_wiring(one) and not _is_wiring(model):
             return
         for info in one.model_fields.values():
             for below in _models_in(info.annotation):
@@ -214,10 +271,3 @@ def _reached(model: Model) -> list[Model]:
 
     visit(model)
     return list(found)
-
-
-def _models_in(annotation: Any) -> Iterator[Model]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for each in get_args(annotation):
-        yield from _models_in(each)

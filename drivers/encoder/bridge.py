@@ -2,7 +2,7 @@
 
 A serial port cannot read SSI, so a small processor clocks both encoders (motor and shaft) with the
 same edge and sends both words and the time of the edge as one frame. The protocol is this
-project's own; docs/reference/encoder_bridge.md has its byte table.
+project's own; docs/reference/wires.md has its byte table.
 """
 
 import struct

@@ -134,7 +134,8 @@ class _Rehearsal:
             "rehearsed_utc": self._began.isoformat(timespec="seconds"),
         }
         write_rehearsed_faults(self._folder, config, head, ())
-        self._print(f"{len(self._rows)} faults, each in a run of its own\n")
+        count = len(self._rows)
+        self._print(f"{'1 fault' if count == 1 else f'{count} faults, each'} in a run of its own\n")
         for each in rehearse_faults(rig, self._rows):
             self._records.append(_record(each))
             write_rehearsed_faults(self._folder, config, head, self._records)

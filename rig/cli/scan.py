@@ -59,7 +59,7 @@ def can(
         typer.Option("--option", "-o", metavar="NAME=VALUE", help="For python-can; repeatable."),
     ] = None,
     timeout: Annotated[
-        float, typer.Option("--patience", min=0.05, max=60, help="Timeout of the answers, s.")
+        float, typer.Option("--timeout", min=0.05, max=60, help="Timeout of the answers, s.")
     ] = 0.5,
     listen: Annotated[
         bool, typer.Option("--listen", help="Send nothing; works while a run uses the bus.")

@@ -193,7 +193,7 @@ def show(rig: str, devices: list[EmulatedDevice], setting: str, *, as_json: bool
         where = f"on {wire[2]}" if wire[0] == wire[1] else f"{wire[1]} at {wire[2]}"
         console.print(Text.assemble((heading, "bold cyan"), where), soft_wrap=True)
         table = Table.grid(padding=(0, 2, 0, 0))
-        table.add_column(width=9)
+        table.add_column(min_width=9, no_wrap=True)
         table.add_column(width=16)
         table.add_column()
         for device in group:

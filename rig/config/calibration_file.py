@@ -35,7 +35,7 @@ class ScaleCorrection(FileModel):
     """Corrected = factor * recorded."""
 
     kind: Literal["scale"]
-    factor: float = Field(ge=-1e6, le=1e6)  # corrected over recorded value
+    factor: float = Field(ge=-1e6, le=1e6)  # on the recorded value
 
     @field_validator("factor")
     @classmethod
@@ -58,8 +58,8 @@ class TableCorrection(FileModel):
     """Corrected = interpolation between pairs; beyond the ends there is no correction."""
 
     kind: Literal["table"]
-    recorded: TupleOf[float] = Field(min_length=2, strict=False)  # ascending
-    corrected: TupleOf[float] = Field(min_length=2, strict=False)  # one for each recorded value
+    recorded: TupleOf[float] = Field(min_length=2, strict=False)  # values, rising
+    corrected: TupleOf[float] = Field(min_length=2, strict=False)  # value for each recorded one
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check equal lengths, rising recorded and strictly monotone corrected values.
@@ -86,10 +86,8 @@ class RunRange(FileModel):
     """Runs of a numbered series, from (included) to before (excluded)."""
 
     series: str = Field(min_length=1, max_length=64)  # as in MASK4_051
-    # the first valid run; None: no lower end
-    first: WholeNumber | None = Field(default=None, alias="from", ge=0, le=10**9)
-    # the first run that is not valid any more; None: no upper end
-    before: WholeNumber | None = Field(default=None, ge=0, le=10**9)
+    first: WholeNumber | None = Field(default=None, alias="from", ge=0, le=10**9)  # first run
+    before: WholeNumber | None = Field(default=None, ge=0, le=10**9)  # first run beyond the range
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that at least one end is given and that the range is not empty."""
@@ -99,8 +97,8 @@ class RunRange(FileModel):
 class DateRange(FileModel):
     """Days in UTC on which a run started, from (included) to before (excluded)."""
 
-    first: str | None = Field(default=None, alias="from")  # the first valid day; None: no lower end
-    before: str | None = None  # the first day that is not valid any more; None: no upper end
+    first: str | None = Field(default=None, alias="from")  # first day
+    before: str | None = None  # first day beyond the range
 
     @field_validator("first", "before")
     @classmethod
@@ -137,8 +135,8 @@ def _is_above(high: float | str, low: float | str) -> bool:
 class Validity(FileModel):
     """Validity of a calibration: runs of a series, or dates."""
 
-    runs: RunRange | None = None  # by number in a series
-    dates: DateRange | None = None  # by the day on which a run started
+    runs: RunRange | None = None
+    dates: DateRange | None = None
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that exactly one of runs and dates is given."""
@@ -166,18 +164,18 @@ def _format_range(first: float | str | None, before: float | str | None) -> str:
 class CalibrationFile(FileModel):
     """One version of a calibration."""
 
-    name: str = Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)  # all versions share it
-    version: WholeNumber = Field(ge=1, le=10_000)
-    # spring_rate, torque_constant, spring_map, or <axis>_position
-    quantity: str = Field(max_length=64)
-    unit: str  # of the quantity, recorded and corrected
-    correction: Correction
+    name: str = Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)
+    """Of the calibration, for all its versions."""
+    version: WholeNumber = Field(ge=1, le=10_000)  # number of the version
+    quantity: str = Field(max_length=64)  # recorded quantity that is corrected
+    unit: str  # of the quantity
+    correction: Correction  # from recorded to corrected values
     valid: Validity
     outside: Literal["refuse", "unchanged"]  # treatment of values outside the validity
-    # the version that this one replaces; required from version 2 on
     supersedes: WholeNumber | None = Field(default=None, ge=1, le=10_000)
-    source: str = Field(min_length=1)  # of the numbers: a test, a report
-    reason: str = Field(min_length=1)  # why the recorded values are wrong
+    """Version that it replaces."""
+    source: str = Field(min_length=1)  # of the values
+    reason: str = Field(min_length=1)  # for this version
     stroke_m: TupleOf[Stroke] | None = Field(default=None, strict=False)  # of a spring map
 
     @field_validator("quantity")

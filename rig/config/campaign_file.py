@@ -61,6 +61,7 @@ class BaseCampaignFile(CampaignHead):
     tare: TareOrNone = Tare()  # None: `none` in the file
     order: str = "as given"  # a kind narrows it to `RowOrder`, or to that and one of least travel
     repeat: WholeNumber = Field(default=1, ge=1, le=1000)
+    """Number of times that each row is measured."""
     adaptive: AdaptiveRows | None = None  # None: all rows of the matrix are measured, in order
 
     @field_validator("reference", mode="before")

@@ -92,7 +92,9 @@ class TransferFunction(FileModel):
     """A transfer function by its coefficients, in descending powers of s."""
 
     numerator: TupleOf[float] = Field(min_length=1, max_length=20)
+    """Coefficients, highest power first."""
     denominator: TupleOf[float] = Field(min_length=1, max_length=20)
+    """Coefficients, highest power first."""
 
 
 _Name = Annotated[str, Field(min_length=1)]

@@ -12,10 +12,11 @@ from rig.config.problems import format_number
 class MotorPowerLimits(FileModel):
     """Limits of a motor's power, averaged over a time."""
 
-    time_s: float = Field(ge=0.1, le=600)
+    time_s: float = Field(ge=0.1, le=600)  # of the average
     fed_stop_w: float = Field(gt=0, le=1e6)  # into the body, by a law that can only absorb
     # between the power from the motor's current and the power from a force sensor
     motor_difference_stop_w: float = Field(gt=0, le=1e6)
+    """Difference between both powers that stops."""
     motor_difference_ratio: float = Field(ge=0, le=10)  # added share of the force sensor's power
 
 
@@ -23,18 +24,18 @@ class LoopLimits(FileModel):
     """Limits of the loop, and of load cell and panel."""
 
     lost_ticks_stop: WholeNumber = Field(ge=1, le=100_000)  # in one gap
-    load_cell_age_stop_s: float = Field(gt=0, le=60)
-    panel_age_stop_s: float = Field(gt=0, le=60)
+    load_cell_age_stop_s: float = Field(gt=0, le=60)  # age of the values that stops
+    panel_age_stop_s: float = Field(gt=0, le=60)  # age of the emergency stop's value that stops
 
 
 class DriveLimits(FileModel):
     """Limits of the drive and the encoder of a powered axis."""
 
-    current_peak_a: float = Field(gt=0, le=500)
-    current_rms_a: float = Field(gt=0, le=500)
-    current_rms_time_s: float = Field(ge=0.1, le=600)
-    encoder_age_stop_s: float = Field(gt=0, le=1)
-    drive_age_stop_s: float = Field(gt=0, le=5)
+    current_peak_a: float = Field(gt=0, le=500)  # limit of the commanded current
+    current_rms_a: float = Field(gt=0, le=500)  # limit of its root mean square
+    current_rms_time_s: float = Field(ge=0.1, le=600)  # time of the root mean square
+    encoder_age_stop_s: float = Field(gt=0, le=1)  # age of the encoder's value that stops
+    drive_age_stop_s: float = Field(gt=0, le=5)  # age of the drive's values that stops
     current_difference_stop_a: float = Field(gt=0, le=500)  # between measured and commanded
     current_difference_time_s: float = Field(gt=0, le=60)  # for at least this time
 
@@ -58,11 +59,11 @@ class AxisLimits(DriveLimits):
 
     unit = "m"
 
-    position_warn_m: float = Field(gt=0, le=2)
-    position_stop_m: float = Field(gt=0, le=2)
-    velocity_stop_m_per_s: float = Field(gt=0, le=10)
-    force_slew_n_per_s: float = Field(gt=0, le=1e7)
-    encoder_jump_stop_m: float = Field(gt=0, le=1)
+    position_warn_m: float = Field(gt=0, le=2)  # distance from zero that gives an alarm
+    position_stop_m: float = Field(gt=0, le=2)  # distance from zero that stops
+    velocity_stop_m_per_s: float = Field(gt=0, le=10)  # speed that stops
+    force_slew_n_per_s: float = Field(gt=0, le=1e7)  # limit of the change of the commanded force
+    encoder_jump_stop_m: float = Field(gt=0, le=1)  # step between two readings that stops
 
 
 class RotaryAxisLimits(DriveLimits):
@@ -70,11 +71,12 @@ class RotaryAxisLimits(DriveLimits):
 
     unit = "rad"
 
-    position_warn_rad: float = Field(gt=0, le=100)
-    position_stop_rad: float = Field(gt=0, le=100)
-    velocity_stop_rad_per_s: float = Field(gt=0, le=100)
+    position_warn_rad: float = Field(gt=0, le=100)  # angle from zero that gives an alarm
+    position_stop_rad: float = Field(gt=0, le=100)  # angle from zero that stops
+    velocity_stop_rad_per_s: float = Field(gt=0, le=100)  # speed that stops
     torque_slew_n_m_per_s: float = Field(gt=0, le=1e7)
-    encoder_jump_stop_rad: float = Field(gt=0, le=10)
+    """Limit of the change of the commanded torque."""
+    encoder_jump_stop_rad: float = Field(gt=0, le=10)  # step between two readings that stops
 
 
 def _check_warning(limits: FileModel, unit: str) -> Iterator[RuleViolation]:

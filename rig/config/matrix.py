@@ -197,16 +197,18 @@ def combination_model(
     With ``grid`` that of all combinations of given values; the last given column changes fastest.
     """
 
-    def field(kind: Any, required: bool) -> Any:
+    def field(kind: Any, required: bool, label: str) -> Any:
         values = tuple_of(kind) if grid else kind
         values = values if required else values | None
-        return (Annotated[values, ExpandValues] if grid else values, ... if required else None)
+        default = Field(... if required else None, description=label)
+        return (Annotated[values, ExpandValues] if grid else values, default)
 
     types, first = kind_columns.types, kind_columns.first
-    fields = {} if first is None else {first.key: field(types[first.key], True)}
+    fields = {} if first is None else {first.key: field(types[first.key], True, first.label)}
     for column in law_columns:
-        fields[column.key] = field(law_column_type(column), column.default is None)
-    fields |= {each.key: field(types[each.key], False) for each in kind_columns.others}
+        required, text = column.default is None, column.help or column.label
+        fields[column.key] = field(law_column_type(column), required, text)
+    fields |= {each.key: field(types[each.key], False, each.label) for each in kind_columns.others}
     return create_model("Grid" if grid else "Combination", __base__=MatrixColumns, **fields)
 
 
@@ -218,9 +220,11 @@ class Matrix(GivenKeys):
     """The gain matrix, given in exactly one of three forms; `matrix_model` adds the columns."""
 
     grid: TupleOf[MatrixColumns] | None = Field(default=None, min_length=1, strict=False)
+    """Products of the values of the columns."""
     combinations: TupleOf[MatrixColumns] | None = Field(
         default=None, min_length=1, alias="list", strict=False
     )
+    """One mapping of columns for each row."""
     csv: str | None = Field(default=None, min_length=1)  # file, relative to this one
 
     @model_validator(mode="before")

@@ -36,8 +36,9 @@ class _Stimulus(FileModel):
     """Axis and amplitude of a generated reference."""
 
     axis: str = ""  # a campaign file fills in the first axis of its rig
-    amplitude_a: Amplitude | None = None  # greatest magnitude of the signal, as drive current
-    amplitude_n: float | None = Field(default=None, gt=0, le=4000)  # the same as force on the body
+    amplitude_a: Amplitude | None = None  # as motor current; or give amplitude_n
+    amplitude_n: float | None = Field(default=None, gt=0, le=4000)
+    """As force on the body; or give amplitude_a."""
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that exactly one amplitude is given."""
@@ -65,7 +66,7 @@ class SineReference(_Stimulus):
     """One sine, which is zero at 0 s of the wave clock."""
 
     kind: Literal["sine"]
-    frequency_hz: Frequency
+    frequency_hz: Frequency  # of the sine
 
     @property
     def period(self) -> float:
@@ -82,7 +83,8 @@ class SteppedSineReference(_Stimulus):
 
     kind: Literal["stepped sine"]
     frequencies_hz: Annotated[TupleOf[Frequency], BeforeValidator(expand_values)]
-    hold_s: float = Field(ge=1, le=600)  # duration of each sine: whole periods of it
+    """Of the steps, one after the other."""
+    hold_s: float = Field(ge=1, le=600)  # time at each frequency
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check whole periods of each sine within its hold, and the total duration."""
@@ -121,7 +123,7 @@ class _BandStimulus(_Stimulus):
 
     low_hz: Band = 0.2  # lower end of the band
     high_hz: Band = 1.0  # upper end of the band
-    repeat_s: RepeatPeriod = 300.0  # lines lie 1/repeat_s apart
+    repeat_s: RepeatPeriod = 300.0  # period after which the signal repeats
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the band is not empty and contains a multiple of 1/repeat."""
@@ -157,7 +159,7 @@ class ChirpReference(_BandStimulus):
     """
 
     kind: Literal["chirp"]
-    sweep: Literal["linear", "logarithmic"] = "linear"
+    sweep: Literal["linear", "logarithmic"] = "linear"  # frequency over time
 
     def description(self) -> str:
         """Return one line of text."""
@@ -172,11 +174,12 @@ class MultisineReference(_BandStimulus):
     """
 
     kind: Literal["multisine"]
-    colour: Literal["flat", "pink"] = "flat"
-    lines: Literal["all", "odd", "random odd"] = "all"
-    draws: WholeNumber = Field(default=100, ge=1, le=1000)  # sets of phases; the least peak wins
+    colour: Literal["flat", "pink"] = "flat"  # of the amplitudes over frequency
+    lines: Literal["all", "odd", "random odd"] = "all"  # multiples of 1/repeat_s
+    draws: WholeNumber = Field(default=100, ge=1, le=1000)
+    """Number of draws of the phases, of which the best is kept."""
     # None: the campaign's seed
-    seed: WholeNumber | None = Field(default=None, ge=0, le=4_294_967_295)
+    seed: WholeNumber | None = Field(default=None, ge=0, le=4_294_967_295)  # of the random phases
     realisation: WholeNumber = Field(default=1, ge=1, le=100)  # without such a matrix column
 
     def description(self) -> str:
@@ -193,7 +196,7 @@ class NoiseReference(_BandStimulus):
 
     kind: Literal["noise"]
     # None: the campaign's seed
-    seed: WholeNumber | None = Field(default=None, ge=0, le=4_294_967_295)
+    seed: WholeNumber | None = Field(default=None, ge=0, le=4_294_967_295)  # of the noise
 
     def description(self) -> str:
         """Return one line of text."""
@@ -208,7 +211,7 @@ class ProfileReference(_Stimulus):
 
     kind: Literal["profile"]
     points: TupleOf[ProfilePoint] = Field(min_length=1, max_length=1000)
-    repeat_s: RepeatPeriod
+    repeat_s: RepeatPeriod  # period after which the signal repeats
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that times ascend within the repeat period and that some share is 1 or -1."""
@@ -250,9 +253,9 @@ class RecordedReference(FileModel):
     kind: Literal["recorded"]
     axis: str = ""  # a campaign file fills in the first axis of its rig
     file: str = Field(min_length=1)  # .csv, relative to this one
-    channel: str = Field(min_length=1)
-    start_s: float = Field(default=0.0, ge=0, le=1e6)
-    end_s: float = Field(gt=0, le=1e6)
+    channel: str = Field(min_length=1)  # column of the file
+    start_s: float = Field(default=0.0, ge=0, le=1e6)  # beginning of the part of the record
+    end_s: float = Field(gt=0, le=1e6)  # end of the part of the record
     unit: Literal["A", "N"]  # of the channel
     rate_hz: float | None = Field(default=None, ge=1, le=10_000)  # checked against the time column
 

@@ -15,24 +15,25 @@ from rig.config.yaml_source import KeyPath, SourceMap
 class Motor(FileModel):
     """Motor, encoder resolution and gain ramp of a powered axis, which translates or rotates."""
 
-    torque_constant_n_m_per_a: float = Field(ge=0.01, le=100)
-    counts_per_revolution: WholeNumber = Field(ge=100, le=100_000_000)
+    torque_constant_n_m_per_a: float = Field(ge=0.01, le=100)  # of the motor
+    counts_per_revolution: WholeNumber = Field(ge=100, le=100_000_000)  # of the encoder
     encoder_noise_counts: float = Field(ge=0, le=1000)  # standard deviation, without quantisation
-    gain_ramp_s: float = Field(ge=0, le=10)
+    gain_ramp_s: float = Field(ge=0, le=10)  # duration of a change of gains
 
 
 class Axis(Motor):
     """Drive, encoder and estimator of an axis that translates."""
 
     gear_ratio_rad_per_m: float = Field(ge=0.1, le=1000)
-    jerk_density_m2_per_s5: float = Field(ge=1e-4, le=1e6)
+    """Angle of the motor per travel of the axis."""
+    jerk_density_m2_per_s5: float = Field(ge=1e-4, le=1e6)  # process noise of the estimator
 
 
 class RotaryAxis(Motor):
     """Drive, encoder and estimator of an axis that rotates."""
 
     gear_ratio: float = Field(ge=0.1, le=1000)  # rad of the motor per rad of the axis
-    jerk_density_rad2_per_s5: float = Field(ge=1e-4, le=1e6)
+    jerk_density_rad2_per_s5: float = Field(ge=1e-4, le=1e6)  # process noise of the estimator
 
 
 SupervisorTimeout = Annotated[float, Field(ge=0.3, le=30)]
@@ -73,7 +74,7 @@ Rate = Annotated[
 class StopTiming(FileModel):
     """Duration of a controlled stop, and its transition to pure damping."""
 
-    duration_s: float = Field(ge=0.1, le=60)
+    duration_s: float = Field(ge=0.1, le=60)  # of the damping before power is removed
     ramp_s: float = Field(ge=0, le=2)  # from the demand of the run to pure damping
 
     def check_rules(self) -> Iterator[RuleViolation]:
@@ -117,13 +118,13 @@ class BaseRigFile(FileModel):
 
     inline: ClassVar[tuple[str, ...]] = ("wiring.ethercat.line.*.device",)
 
-    name: str = Field(min_length=1, max_length=64)
+    name: str = Field(min_length=1, max_length=64)  # for people, in reports
     kind: str
     rate_hz: int
-    realtime: Literal["best effort", "required"]
+    realtime: Literal["best effort", "required"]  # whether a run needs the privileges of real time
     limits: str = Field(min_length=1)  # file, relative to this one
     plant: str = Field(min_length=1)  # file, relative to this one; simulates the hardware
-    drive_enable_timeout_s: float = Field(ge=0.1, le=60)
+    drive_enable_timeout_s: float = Field(ge=0.1, le=60)  # time in which the drives must be ready
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: Wiring | None = None  # None: the rig can only be rehearsed
     operator: Operator = Operator()

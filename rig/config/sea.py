@@ -48,9 +48,11 @@ class RegularSea(FileModel):
     """One sine, given by its amplitude (not its height) and either its period or frequency."""
 
     kind: Literal["regular"]
-    amplitude_m: float = Field(ge=MIN_AMPLITUDE_M, le=MAX_AMPLITUDE_M)
+    amplitude_m: float = Field(ge=MIN_AMPLITUDE_M, le=MAX_AMPLITUDE_M)  # half the wave height
     frequency_hz: float | None = Field(default=None, ge=0.05, le=2)
+    """Of the wave; or give the period."""
     period_s: float | None = Field(default=None, ge=0.5, le=20)
+    """Of the wave; or give the frequency."""
 
     foreign_keys: ClassVar[dict[str, str]] = {"hs_m": _NOT_HS, "height_m": _NOT_HS, "tp_s": _NOT_TP}
 
@@ -85,8 +87,8 @@ class JonswapSea(FileModel):
 
     kind: Literal["jonswap"]
     hs_m: Height
-    tp_s: float = Field(ge=0.5, le=20)
-    gamma: float = Field(default=3.3, ge=1, le=7)
+    tp_s: float = Field(ge=0.5, le=20)  # peak period
+    gamma: float = Field(default=3.3, ge=1, le=7)  # peak enhancement factor
     repeat_s: Repeat = 300.0
     seed: Seed | None = None  # the campaign's if missing
 
@@ -117,11 +119,12 @@ class BandSea(FileModel):
 
     hm0_m: Height | None = None
     rms_m: float | None = Field(default=None, ge=0.00025, le=0.25)
-    low_hz: float = Field(default=0.2, ge=0.05, le=2)
-    high_hz: float = Field(default=1.0, ge=0.05, le=2)
+    """Root mean square of the elevation; or give hm0_m."""
+    low_hz: float = Field(default=0.2, ge=0.05, le=2)  # lower end of the band
+    high_hz: float = Field(default=1.0, ge=0.05, le=2)  # upper end of the band
     repeat_s: Repeat = 300.0
     seed: Seed | None = None  # the campaign's if missing
-    realisation: WholeNumber = Field(default=1, ge=1, le=1000)
+    realisation: WholeNumber = Field(default=1, ge=1, le=1000)  # number of the draw of phases
     largest_m: float | None = Field(default=None, ge=0.001, le=1)  # maximum elevation, if checked
 
     foreign_keys: ClassVar[dict[str, str]] = {
@@ -174,7 +177,7 @@ class PinkSea(BandSea):
     """A sea for identification: amplitudes proportional to f^exponent, phases of a single draw."""
 
     kind: Literal["pink"]
-    exponent: float = Field(default=-0.5, ge=-3, le=0)
+    exponent: float = Field(default=-0.5, ge=-3, le=0)  # of the frequency in the amplitudes
 
     def description(self) -> str:
         """Return one line of text."""
@@ -185,8 +188,9 @@ class MultisineSea(BandSea):
     """A sea for identification whose phases have the least peak-to-peak value of many draws."""
 
     kind: Literal["multisine"]
-    colour: Literal["flat", "pink"] = "flat"
+    colour: Literal["flat", "pink"] = "flat"  # of the amplitudes over frequency
     draws: WholeNumber = Field(default=100, ge=1, le=1000)
+    """Number of draws of the phases, of which the best is kept."""
 
     @property
     def exponent(self) -> float:
@@ -203,12 +207,13 @@ class RecordedSea(FileModel):
 
     kind: Literal["recorded"]
     file: str = Field(min_length=1)  # .twe or .csv, relative to this file
-    channel: str = Field(min_length=1)
+    channel: str = Field(min_length=1)  # column of the file
     rate_hz: float | None = Field(default=None, ge=1, le=1000)  # checked against the time column
-    start_s: float = Field(ge=0, le=1e6)
-    end_s: float = Field(gt=0, le=1e6)
-    unit: Literal["inch", "m", "mm", "cm"]
+    start_s: float = Field(ge=0, le=1e6)  # beginning of the part of the record
+    end_s: float = Field(gt=0, le=1e6)  # end of the part of the record
+    unit: Literal["inch", "m", "mm", "cm"]  # of the record
     repeat_s: float | None = Field(default=None, ge=1, le=3600)
+    """Period after which the signal repeats."""
 
     foreign_keys: ClassVar[dict[str, str]] = {
         "hs_m": "a recorded sea has the height of its record",

@@ -36,7 +36,7 @@ class ProcessValue(FileModel):
     name: str = ""  # empty: a gap
     object: Object = 0
     sub: Sub = 0  # of the first
-    type: ValueType
+    type: ValueType  # of the number
     count: WholeNumber = Field(default=1, ge=1, le=256)  # their mean is the value
     invalid_mask: Unsigned32 = 0  # bits of a status: with one of them the slave's inputs are wrong
 
@@ -59,8 +59,8 @@ class ObjectSetting(FileModel):
 
     object: Object
     sub: Sub
-    type: ObjectType
-    value: WholeNumber = Field(ge=-(2**31), le=2**32 - 1)
+    type: ObjectType  # of the number
+    value: WholeNumber = Field(ge=-(2**31), le=2**32 - 1)  # that is written
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the value fits its type."""
@@ -76,8 +76,8 @@ class SlaveDevice(FileModel):
 
     title: str = Field(min_length=1)
     type: Literal["coupler", "terminal", "torque drive", "position drive", "drive"]
-    vendor: Unsigned32
-    product: Unsigned32
+    vendor: Unsigned32  # identity that the slave must report
+    product: Unsigned32  # identity that the slave must report
     revision: Unsigned32 | None = None  # None: any
     mailbox: bool  # CoE: it has objects
     sync0: bool = False  # it works with SYNC0 only
@@ -112,11 +112,11 @@ class SlaveDevice(FileModel):
 class Slave(FileModel):
     """A slave of the line; identity here replaces that of its device file."""
 
-    name: str = Field(min_length=1, max_length=32)
+    name: str = Field(min_length=1, max_length=32)  # of the slave in the rig file
     device: SlaveDevice
-    vendor: Unsigned32 | None = None
-    product: Unsigned32 | None = None
-    revision: Unsigned32 | None = None
+    vendor: Unsigned32 | None = None  # identity that the slave must report
+    product: Unsigned32 | None = None  # identity that the slave must report
+    revision: Unsigned32 | None = None  # identity that the slave must report
     objects: tuple[ObjectSetting, ...] = Field(default=(), strict=False)  # besides its device's
     # whether it works with SYNC0, a pulse in each cycle of the segment's clock; None: if it must
     sync0: bool | None = None
@@ -206,20 +206,20 @@ class OtherValue(FileModel):
 
     slave: str  # of the line
     value: str  # of its device
-    scale: float = Field(ge=-1e9, le=1e9)
+    scale: float = Field(ge=-1e9, le=1e9)  # factor to SI units
 
 
 class TerminalValue(FileModel):
     """A value of a rig that a terminal has: ``scale`` times that of the process data, + offset."""
 
-    name: str
+    name: str  # of the value
     slave: str  # of the line
     value: str  # of its device
-    scale: float = Field(default=1.0, ge=-1e9, le=1e9)
-    offset: float = Field(default=0.0, ge=-1e12, le=1e12)
+    scale: float = Field(default=1.0, ge=-1e9, le=1e9)  # factor to SI units
+    offset: float = Field(default=0.0, ge=-1e12, le=1e12)  # added after scaling
     plus: OtherValue | None = None  # e.g. a load cell that pulls the other way, with a scale < 0
     low: float = Field(default=-1e12, ge=-1e12, le=1e12)  # a value outside low .. high is invalid
-    high: float = Field(default=1e12, ge=-1e12, le=1e12)
+    high: float = Field(default=1e12, ge=-1e12, le=1e12)  # upper end of the valid range
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the scale is not 0 and that the range is not empty."""

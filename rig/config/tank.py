@@ -25,13 +25,15 @@ class Beach(FileModel):
 class Tank(FileModel):
     """A tank of one depth, with a wall or beach that reflects waves."""
 
-    depth_m: float = Field(ge=0.1, le=50)
+    depth_m: float = Field(ge=0.1, le=50)  # water depth
     device_m: Distance
     length_m: Distance  # to the far wall
     beach: Beach | None = None
     still_s: float = Field(default=0.0, ge=0, le=600)  # from the trigger to the first wave made
     ramp_s: float = Field(default=0.0, ge=0, le=600)  # until the wave maker has its full stroke
-    windows: Literal["as planned", "end before the reflection"] = "as planned"
+    windows: Literal["as planned", "end before the reflection"] = (
+        "as planned"  # of the measurement of a row
+    )
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the device is in the water, between wave maker and wall."""

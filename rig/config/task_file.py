@@ -38,10 +38,11 @@ class RowEnd(FileModel):
 class Timing(FileModel):
     """Duration of a row; `rig.planning.windows` derives missing values from the sea."""
 
-    scheme: Literal["default", "mask4"] = "default"
+    scheme: Literal["default", "mask4"] = "default"  # named set of durations
     settle: Literal["fixed", "measured"] = "fixed"  # measured: until transients have decayed
     settle_s: float | None = Field(default=None, ge=0, le=3600)  # at most, if measured
     interval_s: float | None = Field(default=None, ge=1, le=7200)
+    """Time from row to row, with settling."""
     periods: WholeNumber | None = Field(default=None, ge=1, le=10_000)  # whole periods to measure
     end: RowEnd | None = None  # None: after its periods
 
@@ -87,7 +88,7 @@ RowTiming = Annotated[Timing, BeforeValidator(_expand_timing)]
 class Tare(FileModel):
     """Sensor zeros, taken in calm water with the drive off."""
 
-    duration_s: float = Field(default=5.0, ge=0.5, le=600)
+    duration_s: float = Field(default=5.0, ge=0.5, le=600)  # time over which the zeros are averaged
 
 
 def _require_folder_name(name: str) -> str:

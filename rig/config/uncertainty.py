@@ -16,13 +16,14 @@ from rig.config.model import FileModel, RuleViolation, TupleOf
 class UncertaintySource(FileModel):
     """One source of uncertainty: a scale, an offset, or an alignment of some signals."""
 
-    name: str = Field(min_length=1, max_length=64)  # in tables and pictures
+    name: str = Field(min_length=1, max_length=64)  # of the source
     signals: TupleOf[str] = Field(min_length=1)  # of the formulas of the power stations
-    scale_percent: float | None = Field(default=None, gt=0, le=100)  # error of the gain
+    scale_percent: float | None = Field(default=None, gt=0, le=100)
+    """Uncertainty as a share of the value."""
     offset: float | None = Field(default=None, gt=0, le=1e9)  # in the unit of the signals
     alignment_deg: float | None = Field(default=None, gt=0, le=45)  # between axis and sensor
-    # of the value; of a rectangular or triangular one it is the half width
     distribution: Literal["normal", "rectangular", "triangular"] = "normal"
+    """Of the error; with a rectangular or triangular one, the value is its half width."""
     coverage_factor: float = Field(default=1.0, ge=1, le=4)  # k of a normal one; 1: standard
     evidence: str = Field(min_length=1)  # certificate, data sheet, comparison
 
@@ -69,7 +70,7 @@ class UncertaintySource(FileModel):
 class UncertaintyBudget(FileModel):
     """The Type B uncertainties of a rig's power stations."""
 
-    name: str = Field(min_length=1, max_length=64)
+    name: str = Field(min_length=1, max_length=64)  # for people
     sources: TupleOf[UncertaintySource] = Field(min_length=1, max_length=100)
 
     def check_rules(self) -> Iterator[RuleViolation]:

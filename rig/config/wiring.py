@@ -39,10 +39,10 @@ Divider = Annotated[WholeNumber, Field(ge=1, le=240)]
 class CanBus(FileModel):
     """A CAN bus; interface names and options are python-can's."""
 
-    interface: str = Field(min_length=1)
-    channel: str = Field(min_length=1)
-    bit_rate: WholeNumber = Field(ge=10_000, le=1_000_000)
-    options: dict[str, Any] = Field(default_factory=dict)
+    interface: str = Field(min_length=1)  # name in python-can
+    channel: str = Field(min_length=1)  # name in python-can
+    bit_rate: WholeNumber = Field(ge=10_000, le=1_000_000)  # of the bus, bit/s
+    options: dict[str, Any] = Field(default_factory=dict)  # further options of python-can
     own_node: Node  # of this computer, for its heartbeat
     heartbeat_s: float = Field(ge=0.005, le=1)  # between our heartbeats, sent from the tick
     slow_divider: Divider  # SYNCs between mode display and error code of a drive
@@ -58,7 +58,7 @@ class Deadlines(FileModel):
     """Maximum times of a drive's state transitions (CiA 402)."""
 
     transition_s: float = Field(gt=0, le=10)  # any single transition
-    boot_s: float = Field(gt=0, le=60)
+    boot_s: float = Field(gt=0, le=60)  # from power on to the first answer
     ramp_s: float = Field(gt=0, le=60)  # a complete quick stop or fault reaction
     stale_s: float = Field(gt=0, le=5)  # age at which a statusword becomes invalid
 
@@ -81,7 +81,9 @@ class Drive(FileModel, ABC):
     node: Node | None = None
     # Without a command, and without our heartbeat, the drive stops.
     command_deadline_ms: Annotated[WholeNumber, Field(ge=1, le=65_535)] | None = None
+    """Time without a command after which the drive stops."""
     heartbeat_lost_ms: Annotated[WholeNumber, Field(ge=10, le=65_535)] | None = None
+    """Time without our heartbeat after which the drive stops."""
     heartbeat_ms: Annotated[WholeNumber, Field(ge=10, le=65_535)] | None = None  # of the drive
     slave_type: ClassVar[str]  # of its slave on a segment
     deadlines: Deadlines
@@ -145,10 +147,10 @@ class Actuator(Drive):
     description: ClassVar[str] = "actuator: profile position, homing"
     slave_type: ClassVar[str] = POSITION_DRIVE
 
-    counts_per_percent: float = Field(ge=-1e7, le=1e7)
+    counts_per_percent: float = Field(ge=-1e7, le=1e7)  # of the actuator's position
     zero_counts: Int32  # position at 0 %
-    low_percent: float = Field(ge=-100, le=100)
-    high_percent: float = Field(ge=-100, le=100)
+    low_percent: float = Field(ge=-100, le=100)  # lower end of the travel
+    high_percent: float = Field(ge=-100, le=100)  # upper end of the travel
     velocity: WholeNumber = Field(ge=1, le=2**32 - 1)  # 0x6081, in the drive's unit
     window_counts: WholeNumber = Field(ge=0, le=2**32 - 1)
     stand_s: float = Field(ge=0, le=10)
@@ -169,10 +171,10 @@ class SerialPort(FileModel):
 
     description: ClassVar[str] = "device with a serial port of its own"
 
-    port: str = Field(min_length=1)
-    baud: WholeNumber = Field(ge=1200, le=4_000_000)
-    parity: Literal["N", "E", "O"]
-    stop_bits: Literal[1, 2]
+    port: str = Field(min_length=1)  # path of the serial port
+    baud: WholeNumber = Field(ge=1200, le=4_000_000)  # bit rate, 1/s
+    parity: Literal["N", "E", "O"]  # none, even or odd
+    stop_bits: Literal[1, 2]  # of a character
     rts_cts: bool = False  # hardware handshake
     echo: bool = False  # a two-wire RS-485 adapter that receives its own bytes
     low_latency: bool = False  # request the adapter's driver to deliver bytes at once
@@ -194,10 +196,10 @@ class LoadCell(UdpDevice):
     description: ClassVar[str] = "ATI Net F/T"
     protocol: ClassVar[str] = "RDT over UDP"
 
-    counts_per_force: float = Field(gt=0, le=1e9)
-    counts_per_torque: float = Field(gt=0, le=1e9)
-    force_unit: Literal["lbf", "N", "klbf", "kN", "kgf", "gf"]
-    torque_unit: Literal["lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm", "kN-m"]
+    counts_per_force: float = Field(gt=0, le=1e9)  # of the sensor, per unit of force
+    counts_per_torque: float = Field(gt=0, le=1e9)  # of the sensor, per unit of torque
+    force_unit: Literal["lbf", "N", "klbf", "kN", "kgf", "gf"]  # of its calibration
+    torque_unit: Literal["lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm", "kN-m"]  # of its calibration
     model: Literal["net_ft", "axia"]  # defines the meaning of the status bits
     rate_hz: float = Field(ge=0, le=100_000)  # of its sample counter; 0: unknown
     turned_over: bool  # mounted upside down: y and z change sign
@@ -209,20 +211,20 @@ class TcpLine(FileModel):
     """A Modbus/TCP server."""
 
     kind: Literal["tcp"]
-    host: str = Field(min_length=1)
-    port: WholeNumber = Field(ge=1, le=65_535)
-    timeout_s: float = Field(gt=0, le=10)
+    host: str = Field(min_length=1)  # address
+    port: WholeNumber = Field(ge=1, le=65_535)  # of TCP
+    timeout_s: float = Field(gt=0, le=10)  # of a request
 
 
 class RtuLine(FileModel):
     """A serial line with Modbus RTU."""
 
     kind: Literal["rtu"]
-    port: str = Field(min_length=1)
-    baud: WholeNumber = Field(ge=1200, le=4_000_000)
-    parity: Literal["N", "E", "O"]
-    stop_bits: Literal[1, 2]
-    timeout_s: float = Field(gt=0, le=10)
+    port: str = Field(min_length=1)  # path of the serial port
+    baud: WholeNumber = Field(ge=1200, le=4_000_000)  # bit rate, 1/s
+    parity: Literal["N", "E", "O"]  # none, even or odd
+    stop_bits: Literal[1, 2]  # of a character
+    timeout_s: float = Field(gt=0, le=10)  # of a request
     slowest_s: float = Field(gt=0, le=10)  # time within which the slowest unit has always answered
 
 
@@ -232,12 +234,12 @@ AnyLine = Annotated[TcpLine | RtuLine, Field(discriminator="kind")]
 class RegisterValue(FileModel):
     """One value in a block of registers."""
 
-    name: str
-    at: WholeNumber = Field(ge=0, le=2000)
-    kind: Literal["bit", "u16", "i16", "u32", "i32", "f32"]
-    scale: float = Field(default=1.0, ge=-1e9, le=1e9)
+    name: str  # of the value
+    at: WholeNumber = Field(ge=0, le=2000)  # place in the block, from 0
+    kind: Literal["bit", "u16", "i16", "u32", "i32", "f32"]  # type of the number
+    scale: float = Field(default=1.0, ge=-1e9, le=1e9)  # factor to SI units
     low: float = Field(default=-1e12, ge=-1e12, le=1e12)  # a value outside low .. high is invalid
-    high: float = Field(default=1e12, ge=-1e12, le=1e12)
+    high: float = Field(default=1e12, ge=-1e12, le=1e12)  # upper end of the valid range
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the scale is not 0 and that the range is not empty."""
@@ -253,10 +255,10 @@ class RegisterSetup(FileModel):
     status of the watchdog.
     """
 
-    first: WholeNumber = Field(ge=0, le=65_535)
-    value: WholeNumber = Field(ge=0, le=65_535)
+    first: WholeNumber = Field(ge=0, le=65_535)  # address
+    value: WholeNumber = Field(ge=0, le=65_535)  # of the register
     read_back: bool = True  # check that the register reads as written
-    write: bool = True
+    write: bool = True  # false: only compare
 
     @model_validator(mode="after")
     def _reads_or_writes(self) -> Self:
@@ -268,13 +270,13 @@ class RegisterSetup(FileModel):
 class Registers(FileModel):
     """A block of registers of one unit, with the values that are polled or written there."""
 
-    line: str
-    unit: WholeNumber = Field(ge=0, le=247)
-    table: Literal["coil", "discrete", "input", "holding"]
-    first: WholeNumber = Field(ge=0, le=65_535)
-    size: WholeNumber = Field(ge=1, le=2000)
-    word_order: Literal["high first", "low first"]
-    period_s: Period
+    line: str  # name of its line
+    unit: WholeNumber = Field(ge=0, le=247)  # address of the unit
+    table: Literal["coil", "discrete", "input", "holding"]  # of the unit
+    first: WholeNumber = Field(ge=0, le=65_535)  # address of the first register
+    size: WholeNumber = Field(ge=1, le=2000)  # number of registers
+    word_order: Literal["high first", "low first"]  # of values of two registers
+    period_s: Period  # between requests
     # Register of the same table in which the unit counts its updates, if it has one: values with
     # an unchanged count are not new.
     counter: WholeNumber | None = Field(default=None, ge=0, le=65_535)

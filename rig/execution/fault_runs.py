@@ -200,8 +200,10 @@ def mismatches(row: FaultRow, finding: Finding) -> list[str]:
     if finding.rows_lost:
         messages.append(f"{finding.rows_lost} rows lost")
     if row.expected not in NO_STOP and finding.verdict != GOES_ON:
-        if finding.seconds is None or finding.seconds > row.max_seconds:
-            messages.append(f"safe after {finding.seconds} s, not {row.max_seconds:g} s")
+        if finding.seconds is None and finding.verdict not in (REFUSED, NO_RUN):
+            messages.append("a motor kept its power")
+        elif finding.seconds is not None and finding.seconds > row.max_seconds:
+            messages.append(f"no power after {finding.seconds:g} s, not {row.max_seconds:g} s")
         if finding.verdict == row.expected and finding.category != row.category:
             messages.append(f"category {finding.category}, not {row.category}")
     return messages

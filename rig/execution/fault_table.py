@@ -24,18 +24,25 @@ NO_STOP = (REFUSED, GOES_ON, UNDETECTED)  # without a category, and without a ti
 class FaultEntry(FileModel):
     """One fault of one device or link, as the file has it."""
 
-    fault: str = Field(min_length=1)
-    expected: str = Field(alias="must", min_length=1)  # a reason, LOOP_LOST or one of NO_STOP
-    alternatives: TupleOf[str] = Field(default=(), alias="and")  # if the order is chance
-    category: Literal[0, 1] | None = None  # of the stop (IEC 60204-1); None without one
+    fault: str = Field(min_length=1)  # of those of the emulated device
+    expected: str = Field(alias="must", min_length=1)
+    """A reason of a stop, `refused at start`, `goes on` (correctly), `not detected` (it goes on,
+    and should not), or `loop lost`."""
+    alternatives: TupleOf[str] = Field(default=(), alias="and")
+    """Other correct reactions: which one comes first is chance."""
+    category: Literal[0, 1] | None = None  # of the stop (IEC 60204-1); none without one
     max_seconds: float = Field(default=0.0, alias="within_s", ge=0, le=60)
-    """s from the fault until no motor has power; 0 where the run does not stop."""
-    explanation: str = Field(default="", alias="why")  # never empty if the run goes on
-    value: float | None = None  # magnitude of the fault; None: its default
-    toward: Literal["host", "device"] | None = None  # direction of a link's fault; None: both
+    """Longest time from the fault until no motor has power, s; 0 where the run does not stop."""
+    explanation: str = Field(default="", alias="why")
+    """Reason for the reaction; required if the run goes on."""
+    value: float | None = None  # magnitude of the fault; none: its default
+    toward: Literal["host", "device"] | None = None  # direction of a link's fault; none: both
     onset: Literal["", "start", "motion"] = Field(default="", alias="from")
-    short: bool = False  # part of the short selection
-    long_run: bool = Field(default=False, alias="long")  # in the long task: detection is slow
+    """`start`: before the run; `motion`: while the motors move; none: while the law acts."""
+    short: bool = False
+    """Part of the short selection, which `rig faults` rehearses without options."""
+    long_run: bool = Field(default=False, alias="long")
+    """In a run of `long_task`, for checks that average over a long time."""
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that category, time and explanation fit the reaction."""
@@ -56,7 +63,7 @@ class FaultEntry(FileModel):
 class Motion(FileModel):
     """The condition of faults `from: motion`: the magnitude of a log field."""
 
-    field: str = Field(min_length=1)
+    field: str = Field(min_length=1)  # of the log
     above: float = Field(gt=0)  # in the unit of the field
 
 
@@ -65,8 +72,9 @@ class FaultTableFile(FileModel):
 
     task: str = Field(min_length=1)  # campaign or session of some seconds, relative to this file
     long_task: str | None = Field(default=None, min_length=1)  # for rows with `long`
-    motion: Motion | None = None
-    faults: dict[str, TupleOf[FaultEntry]] = Field(min_length=1)  # by device, link or process
+    motion: Motion | None = None  # for rows with `from: motion`
+    faults: dict[str, TupleOf[FaultEntry]] = Field(min_length=1)
+    """By emulated device, link, or process (`process loop`)."""
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that no row occurs twice, and that each has the task or condition it needs."""

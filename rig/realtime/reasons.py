@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Self
 
 
 class StopReason(IntEnum):
-    """Numbers of reasons of a stop, each with its stop category and its text.
+    """Numbers of reasons of a stop, each with its stop category, its text and the advice to people.
 
     A controlled stop (category 1) is impossible after a fault in something that the damping itself
     needs: encoder, drive, arithmetic, time.
@@ -20,10 +20,12 @@ class StopReason(IntEnum):
 
     category: int
     text: str
+    advice: str
 
-    def __new__(cls, number: int, category: int, text: str) -> Self:
+    def __new__(cls, number: int, category: int, text: str, advice: str = "") -> Self:
         member = int.__new__(cls, number)
         member._value_, member.category, member.text = number, category, text
+        member.advice = advice
         return member
 
 
@@ -31,44 +33,162 @@ class Reason(StopReason):
     """Reasons of every kind of rig."""
 
     NONE = 0, 1, "no reason recorded"
-    PLAN_END = 1, 1, "the plan ran to its end"
-    OPERATOR_STOP = 2, 1, "the operator stopped the run"
-    OPERATOR_ABORT = 3, 0, "the operator aborted the run (power off at once)"
+    PLAN_END = (
+        1,
+        1,
+        "the plan ran to its end",
+        "Nothing to do: the results follow.",
+    )
+    OPERATOR_STOP = (
+        2,
+        1,
+        "the operator stopped the run",
+        "A new run continues; rows measured so far are kept.",
+    )
+    OPERATOR_ABORT = (
+        3,
+        0,
+        "the operator aborted the run (power off at once)",
+        "Check that the body is at rest before a new run.",
+    )
     SUPERVISOR_LOST = (
         4,
         1,
         "`rig run` stopped sending its heartbeat: killed, suspended, or delayed by a busy host",
+        "Look at the terminal of the run; `rig recover` finishes the record.",
     )
-    LOGGER_LOST = 5, 1, "the record could not be written: logger, disk or folder was lost"
-    NOT_FINITE = 6, 0, "a value was NaN or infinite"
-    STALE_ENCODER = 7, 0, "the encoder's value was too old"
-    STALE_DRIVE = 8, 0, "the drive's values were too old"
-    LOST_TICKS = 12, 0, "too many ticks were lost in one gap"
-    DRIVE_FAULT = 13, 0, "the drive reported a fault"
-    DRIVE_DROPPED = 14, 0, "the drive switched its power off by itself"
-    DRIVE_NOT_ON = 15, 0, "the drive did not come up in time"
-    POSITION = 16, 1, "the position limit was reached"
-    VELOCITY = 17, 1, "the velocity limit was reached"
-    NOT_CALM = 21, 1, "the body moved during the tare"
-    EXCEPTION = 22, 0, "the loop's own code failed"
-    ENCODER_JUMP = 23, 0, "the encoder jumped: it slipped or lost counts"
-    EMERGENCY_STOP = 34, 0, "the emergency stop was pressed"
-    LIMIT_SWITCH = 35, 1, "a limit switch was hit"
-    STALE_PANEL = 36, 1, "the emergency stop could not be read any more"
-    CURRENT_DISAGREES = 42, 0, "the drive's current was not the commanded one"
-    FORCE_DISAGREES = 45, 0, "motor current and the force sensor at the motor shaft disagreed"
-    POWER_SIGN = 46, 0, "the motor fed energy into the body, under a law that can only absorb"
-    POWER_BALANCE = 47, 1, "two stations reported powers that no loss between them explains"
+    LOGGER_LOST = (
+        5,
+        1,
+        "the record could not be written: logger, disk or folder was lost",
+        "Check the disk and the folder of runs; `rig recover` finishes the record.",
+    )
+    NOT_FINITE = (
+        6,
+        0,
+        "a value was NaN or infinite",
+        "Look in the last second of the log for the first value that is no number.",
+    )
+    STALE_ENCODER = (
+        7,
+        0,
+        "the encoder's value was too old",
+        "Check cable and supply of the encoder, then `rig devices`.",
+    )
+    STALE_DRIVE = (
+        8,
+        0,
+        "the drive's values were too old",
+        "Check cable and supply of the drive, then `rig devices`.",
+    )
+    LOST_TICKS = (
+        12,
+        0,
+        "too many ticks were lost in one gap",
+        "Run `rig doctor`: another program or the host delayed the loop.",
+    )
+    DRIVE_FAULT = (
+        13,
+        0,
+        "the drive reported a fault",
+        "Read the fault code at the drive, remove the cause, reset the drive.",
+    )
+    DRIVE_DROPPED = (
+        14,
+        0,
+        "the drive switched its power off by itself",
+        "Check supply and enable chain of the drive.",
+    )
+    DRIVE_NOT_ON = (
+        15,
+        0,
+        "the drive did not come up in time",
+        "Check supply, enable chain and fault code of the drive.",
+    )
+    POSITION = (
+        16,
+        1,
+        "the position limit was reached",
+        "Check the set point and the sea; move the body back before a new run.",
+    )
+    VELOCITY = (
+        17,
+        1,
+        "the velocity limit was reached",
+        "Check the set point and the sea.",
+    )
+    NOT_CALM = (
+        21,
+        1,
+        "the body moved during the tare",
+        "Wait for calm water, then start the run over.",
+    )
+    EXCEPTION = (
+        22,
+        0,
+        "the loop's own code failed",
+        "Keep the run's folder and report the fault with `loop.stderr`.",
+    )
+    ENCODER_JUMP = (
+        23,
+        0,
+        "the encoder jumped: it slipped or lost counts",
+        "Check coupling and cable of the encoder.",
+    )
+    EMERGENCY_STOP = (
+        34,
+        0,
+        "the emergency stop was pressed",
+        "Find out who pressed it and why; release it; start a new run.",
+    )
+    LIMIT_SWITCH = (
+        35,
+        1,
+        "a limit switch was hit",
+        "Move the body off the switch with the power off.",
+    )
+    STALE_PANEL = (
+        36,
+        1,
+        "the emergency stop could not be read any more",
+        "Check the wire of the panel; without it the emergency stop is not seen.",
+    )
+    CURRENT_DISAGREES = (
+        42,
+        0,
+        "the drive's current was not the commanded one",
+        "Check the drive's scaling and its current limit.",
+    )
+    FORCE_DISAGREES = (
+        45,
+        0,
+        "motor current and the force sensor at the motor shaft disagreed",
+        "Check force sensor and motor coupling, and both calibrations.",
+    )
+    POWER_SIGN = (
+        46,
+        0,
+        "the motor fed energy into the body, under a law that can only absorb",
+        "Check the signs of encoder and force before any power on.",
+    )
+    POWER_BALANCE = (
+        47,
+        1,
+        "two stations reported powers that no loss between them explains",
+        "Check the sensors of both power stations.",
+    )
     NO_OPERATOR = (
         48,
         1,
         "manual mode had no operator for longer than `operator.dead_man_s` of the rig file",
+        "Take the seat in a new run, and keep the page open and its tab awake.",
     )
     FIELDBUS_LOST = (
         49,
         0,
         "the bus to the drives was lost: a cable, a device without power or out of operation, or "
         "the process that monitors it",
+        "The messages name the devices; check their cables and supplies, then `rig devices`.",
     )
 
 
@@ -103,16 +223,17 @@ class TripReason(NamedTuple):
     name: str
     category: int  # stop category 0 or 1 (`rig.realtime.safety`)
     text: str
+    advice: str = ""  # what people should do; empty: nothing
 
 
-def trip_reason(member: IntEnum, category: int, text: str) -> TripReason:
+def trip_reason(member: IntEnum, category: int, text: str, advice: str = "") -> TripReason:
     """Return the reason of an enumeration's member."""
-    return TripReason(int(member), member.name, category, text)
+    return TripReason(int(member), member.name, category, text, advice)
 
 
 def reasons_of(numbers: Iterable[StopReason]) -> tuple[TripReason, ...]:
     """Return the reasons of an enumeration."""
-    return tuple(trip_reason(each, each.category, each.text) for each in numbers)
+    return tuple(trip_reason(each, each.category, each.text, each.advice) for each in numbers)
 
 
 CORE_REASONS = reasons_of(Reason)
@@ -145,6 +266,11 @@ class ReasonTable:
         """Return the text of a name; an unknown name unchanged."""
         reason = self._by_name.get(name)
         return name if reason is None else reason.text
+
+    def advice(self, number: int) -> str:
+        """Return what people should do after a stop; empty for an unknown number, or no advice."""
+        reason = self._by_number.get(int(number))
+        return "" if reason is None else reason.advice
 
     def number(self, name: str) -> int | None:
         """Return the number of a name; None for an unknown one."""
@@ -184,6 +310,12 @@ def reason_table(own: tuple[TripReason, ...] = ()) -> ReasonTable:
 def from_records(records: Iterable[Mapping[str, Any]]) -> ReasonTable:
     """Return the table that a run recorded."""
     return ReasonTable(
-        TripReason(int(each["number"]), each["name"], int(each["category"]), each["text"])
+        TripReason(
+            int(each["number"]),
+            each["name"],
+            int(each["category"]),
+            each["text"],
+            each.get("advice", ""),
+        )
         for each in records
     )

@@ -1,6 +1,6 @@
 """The encoder bridge: latches motor and shaft encoder by one edge and sends both in one frame.
 
-Source: docs/reference/encoder_bridge.md (26 bytes, big-endian, CRC-16 polynomial 1021, start FFFF).
+Source: docs/reference/wires.md (26 bytes, big-endian, CRC-16 polynomial 1021, start FFFF).
 """
 
 from __future__ import annotations

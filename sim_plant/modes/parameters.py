@@ -123,20 +123,20 @@ Direction = Annotated[float, Field(ge=-360.0, le=360.0), _plain("deg")]
 class EndStop(StrictModel):
     """A spring and a damper beyond ± position of a mode."""
 
-    position: StopPosition
-    stiffness: StopStiffness
-    damping: Damping = 0.0
+    position: StopPosition  # to either side, m or rad
+    stiffness: StopStiffness  # beyond the position
+    damping: Damping = 0.0  # beyond the position; never pulls
 
 
 class Mode(StrictModel):
     """One mode of motion; `dof` is its name in the BEM file, None: a mass out of the water."""
 
-    dof: Text | None = None
-    mass: Inertia
+    dof: Text | None = None  # name in the BEM file; none: a mass out of the water
+    mass: Inertia  # kg or kg m2
     stiffness: Stiffness | None = None  # instead of the BEM file's own stiffness of this mode
-    linear_damping: Damping = 0.0
-    quadratic_damping: QuadraticDamping = 0.0
-    end_stop: EndStop | None = None
+    linear_damping: Damping = 0.0  # force per speed
+    quadratic_damping: QuadraticDamping = 0.0  # force per square of the speed, rho Cd S / 2
+    end_stop: EndStop | None = None  # of this mode
 
 
 class Drive(StrictModel):
@@ -148,19 +148,19 @@ class Drive(StrictModel):
     where it is the rms of a phase, 3 times the resistance of a phase (3/2 between two terminals).
     """
 
-    current_bandwidth_hz: Bandwidth
-    current_limit_a: Current
-    resistance_ohm: Resistance = 0.0
+    current_bandwidth_hz: Bandwidth  # of the current loop
+    current_limit_a: Current  # of the drive
+    resistance_ohm: Resistance = 0.0  # copper loss per square of the current
     loss_w_per_a: LinearLoss = 0.0  # of the power stage, times the magnitude of the current
-    standby_w: Power = 0.0
-    regeneration_efficiency: Share = 1.0
-    enable_delay_s: Time = 0.1
-    watchdog_s: Time = 0.2
-    current_noise_a: CurrentNoise = 0.0
+    standby_w: Power = 0.0  # while the drive has its supply
+    regeneration_efficiency: Share = 1.0  # share of the motor's power that the drive returns
+    enable_delay_s: Time = 0.1  # from the request until the drive has power
+    watchdog_s: Time = 0.2  # without commands for longer, the drive stops
+    current_noise_a: CurrentNoise = 0.0  # standard deviation of the measured current
     # With a bus: the current is at most (modulation times bus voltage -+ back-EMF) / voltage drop.
     back_emf_v_s_per_rad: BackEmf | None = None  # of the motor
     voltage_drop_v_per_a: Ohms | None = None  # of the motor; without: resistance_ohm
-    modulation: Share = 0.577
+    modulation: Share = 0.577  # greatest motor voltage per bus voltage
 
 
 class Backlash(StrictModel):
@@ -169,16 +169,16 @@ class Backlash(StrictModel):
     Motion and stiffness are at the axis.
     """
 
-    half_gap: StopPosition
-    stiffness: StopStiffness
-    damping: Damping = 0.0
+    half_gap: StopPosition  # play to either side, at the axis
+    stiffness: StopStiffness  # of the teeth, at the axis
+    damping: Damping = 0.0  # of the teeth, at the axis
 
 
 class Cogging(StrictModel):
     """Force of the magnets on the slots of a linear motor."""
 
-    force_n: Annotated[float, Field(gt=0.0, le=1.0e6), _plain("N")]
-    pitch_m: Length
+    force_n: Annotated[float, Field(gt=0.0, le=1.0e6), _plain("N")]  # amplitude
+    pitch_m: Length  # period along the motor
 
 
 class Hydraulic(StrictModel):
@@ -186,16 +186,16 @@ class Hydraulic(StrictModel):
 
     area_m2: Area
     displacement_m3_per_rad: Displacement
-    low_pressure_pa: Pressure = 5.0e5
-    precharge_pa: Pressure
+    low_pressure_pa: Pressure = 5.0e5  # of the return line
+    precharge_pa: Pressure  # of the accumulator's gas
     volume_m3: Volume  # of the gas without oil
     relief_pa: Pressure | None = None  # at which the relief valve opens; without: 4 precharges
     start_pressure_pa: Pressure | None = None  # without: the precharge
-    exponent: Exponent = 1.4
+    exponent: Exponent = 1.4  # of the gas
     leakage_m3_per_s_pa: Leakage = 0.0
     inertia_kg_m2: MotorInertia
-    viscous_n_m_s_per_rad: MotorDamping = 0.0
-    valve_velocity_m_per_s: Speed = 0.01
+    viscous_n_m_s_per_rad: MotorDamping = 0.0  # friction of the hydraulic motor
+    valve_velocity_m_per_s: Speed = 0.01  # speed within which the check valves change over
 
 
 class Spring(StrictModel):
@@ -204,9 +204,9 @@ class Spring(StrictModel):
     A negative rate takes stiffness away. `preload`: force on the axis at its position 0.
     """
 
-    rate: Stiffness
-    rest_position: Position | None = None
-    preload: Preload | None = None
+    rate: Stiffness  # restoring force per motion; negative takes stiffness away
+    rest_position: Position | None = None  # without force
+    preload: Preload | None = None  # force at position 0, instead of a rest position
 
     @model_validator(mode="after")
     def _check_rest(self) -> Spring:
@@ -223,11 +223,12 @@ class MagneticSpring(StrictModel):
     """
 
     pinion_radius: Radius  # position of the axis per rotor angle
-    rate: Stiffness | None = None
-    stator_positions: Positions | None = None
-    rates: Rates | None = None
+    rate: Stiffness | None = None  # of small motions, without a table
+    stator_positions: Positions | None = None  # of the table
+    rates: Rates | None = None  # of the table, linear between its positions
     fit_half_angle_rad: HalfAngle | None = None
-    stator: Name | None = None
+    """The rates are least-squares slopes over ± that rotor angle."""
+    stator: Name | None = None  # axis that moves the stator; none: it stands
     stator_position: Position | None = None  # without: 0
     pull: Pull = 0.0  # mean force on the stator per torque amplitude
 
@@ -263,22 +264,23 @@ class Axis(StrictModel):
     """
 
     moves_with: Annotated[dict[Name, Factor], Field(min_length=1)]
-    inertia: ReflectedInertia = 0.0
-    viscous_friction: Damping = 0.0
-    coulomb_friction: Force = 0.0
+    """Position of the axis per position of each mode."""
+    inertia: ReflectedInertia = 0.0  # of motor and gear, at the axis
+    viscous_friction: Damping = 0.0  # force per speed, at the axis
+    coulomb_friction: Force = 0.0  # at the axis, N or N m
     coulomb_velocity: Speed = 0.002  # width of the regularised sign, tanh(v / v_c)
-    torque_constant_n_m_per_a: TorqueConstant
-    gear_ratio: GearRatio
-    gear_efficiency: Efficiency = 1.0
-    counts_per_revolution: Counts
-    count_offset: CountOffset = 0
-    cogging: Cogging | None = None
-    backlash: Backlash | None = None
-    hydraulic: Hydraulic | None = None
-    end_stop: EndStop | None = None
-    spring: Spring | None = None
-    magnetic_spring: MagneticSpring | None = None
-    drive: Drive
+    torque_constant_n_m_per_a: TorqueConstant  # as in the rig file
+    gear_ratio: GearRatio  # motor per axis, rad/m or rad/rad, as in the rig file
+    gear_efficiency: Efficiency = 1.0  # of the force
+    counts_per_revolution: Counts  # of the motor, as in the rig file
+    count_offset: CountOffset = 0  # counts at position 0
+    cogging: Cogging | None = None  # of a linear motor
+    backlash: Backlash | None = None  # between motor and axis
+    hydraulic: Hydraulic | None = None  # PTO with oil between axis and generator
+    end_stop: EndStop | None = None  # of the axis
+    spring: Spring | None = None  # between axis and ground
+    magnetic_spring: MagneticSpring | None = None  # on a pinion of the axis
+    drive: Drive  # of the motor
 
     @model_validator(mode="after")
     def _check_parts(self) -> Axis:
@@ -338,12 +340,13 @@ class Line(StrictModel):
     Each is a vector: m per m of a translation, m per rad of a rotation.
     """
 
-    anchor_m: Vector
+    anchor_m: Vector  # position of the anchor
     fairlead_m: Vector  # at rest
-    pretension_n: Force
+    pretension_n: Force  # at rest
     stiffness_n_per_m: LineStiffness  # axial: EA / length
-    damping_n_s_per_m: LineDamping = 0.0
+    damping_n_s_per_m: LineDamping = 0.0  # axial
     moves_with: Annotated[dict[Name, Vector], Field(min_length=1)]
+    """Displacement of the fairlead per position of each mode."""
 
     @model_validator(mode="after")
     def _check_length(self) -> Line:
@@ -376,17 +379,17 @@ class Mooring(StrictModel):
 class Bus(StrictModel):
     """The DC bus of all drives: capacitor, supply behind a diode, dump resistor, voltage trips."""
 
-    capacitance_f: Capacitance
+    capacitance_f: Capacitance  # of all drives together
     voltage_v: Voltage  # at the start
     supply_v: Voltage | None = None  # None: no supply
-    supply_resistance_ohm: Ohms = 1.0
+    supply_resistance_ohm: Ohms = 1.0  # behind the diode
     dump_ohm: Ohms | None = None  # None: no dump resistor
-    dump_on_v: Voltage | None = None
-    dump_off_v: Voltage | None = None
-    undervoltage_v: Voltage
-    undervoltage_delay_s: Time = 0.1
-    brownout_v: Voltage
-    overvoltage_v: Voltage
+    dump_on_v: Voltage | None = None  # voltage at which the dump resistor is switched on
+    dump_off_v: Voltage | None = None  # voltage at which the dump resistor is switched off
+    undervoltage_v: Voltage  # below for the delay, the drives trip
+    undervoltage_delay_s: Time = 0.1  # until the trip
+    brownout_v: Voltage  # below, drives draw no standby power
+    overvoltage_v: Voltage  # above, the drives trip at once
 
     @model_validator(mode="after")
     def _check_order(self) -> Bus:
@@ -416,28 +419,30 @@ class Bus(StrictModel):
 class Sensor(StrictModel):
     """One channel: scale times the signal plus offset plus white noise (standard deviation)."""
 
-    signal: Text
-    noise: Annotated[float, Field(ge=0.0, le=1.0e9)] = 0.0
-    offset: Number = 0.0
-    scale: Number = 1.0
+    signal: Text  # what it measures
+    noise: Annotated[float, Field(ge=0.0, le=1.0e9)] = 0.0  # standard deviation
+    offset: Number = 0.0  # added to the scaled signal
+    scale: Number = 1.0  # reading per unit of the signal
 
 
 class Plant(StrictModel):
     """A complete plant file; `bem` and `radiation` are paths relative to it."""
 
-    name: Text
-    bem: Text
+    name: Text  # title for people
+    bem: Text  # BEM file
     radiation: Text | None = None  # a stored fit; without, each load fits the BEM file
     wave_direction_deg: Direction | None = None  # where the BEM file has several
     density_kg_per_m3: Density | None = None  # where the BEM file does not state it
-    gravity_m_per_s2: Gravity | None = None
-    depth_m: Depth | None = None
+    gravity_m_per_s2: Gravity | None = None  # where the BEM file does not state it
+    depth_m: Depth | None = None  # of the water, where the BEM file does not state it
     length_scale_m: Length | None = None  # ULEN of WAMIT's numeric files; 1 without
     modes: Annotated[dict[Name, Mode], Field(min_length=1, max_length=24)]
-    axes: Annotated[dict[Name, Axis], Field(min_length=1, max_length=24)]
-    mooring: Mooring = Mooring()
+    """Modes of motion by name."""
+    axes: Annotated[dict[Name, Axis], Field(min_length=1, max_length=24)]  # PTOs by name
+    mooring: Mooring = Mooring()  # stiffness and lines
     bus: Bus | None = None  # None: each drive has a stiff bus
     sensors: dict[Name, Sensor] = Field(default={})
+    """Channels by name; the rig file has their names, too."""
     delay_s: Delay = 0.001  # age of a reading, rounded up to whole ticks
     wave_onset_s: Annotated[float, Field(ge=0.0, le=100.0), _SECOND] = 5.0  # cosine
 

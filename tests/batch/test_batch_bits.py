@@ -6,7 +6,6 @@ import inspect
 import json
 import math
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -38,8 +37,9 @@ from rig.kinds.wavebot.tick import KIND
 from rig.realtime import cycle
 from rig.realtime.requests import NO_REQUEST
 from rig.realtime.safety import RUN, STOP_0, Mode
+from tests.docs.blocks import file_of
 
-LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "laws.md"
+LAW_PAGE = Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "your_law.md"
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
     "tare": {"duration_s": 1},
@@ -168,8 +168,7 @@ KINDS: dict[str, dict[str, Any]] = {
 def make_campaign(folder: Path, case: str) -> Path:
     push = (f"{0.01 * i:.2f},{300.0 * math.sin(0.05 * i):.6f}" for i in range(500))
     (folder / "push.csv").write_text("\n".join(["time,push", *push]))
-    (law,) = re.findall(r"```python\n(.*?)```", LAWS_PAGE.read_text(), re.DOTALL)
-    (folder / "growing.py").write_text(law)
+    (folder / "growing.py").write_text(file_of(LAW_PAGE, "growing_damping.py"))
     return write_campaign(folder, **QUICK | KINDS[case])
 
 

@@ -241,8 +241,10 @@ def test_a_finding_is_compared_with_its_row(tmp_path: Path) -> None:
     assert mismatches(unseen, make_finding(GOES_ON)) == []
     (lost,) = read_table(tmp_path, "must: loop lost, within_s: 0.5")
     assert mismatches(lost, make_finding(LOOP_LOST, 0.4)) == []
-    assert mismatches(lost, make_finding(LOOP_LOST, 0.6)) == ["safe after 0.6 s, not 0.5 s"]
-    assert mismatches(lost, make_finding(LOOP_LOST, None)) != []
+    assert mismatches(lost, make_finding(LOOP_LOST, 0.6)) == ["no power after 0.6 s, not 0.5 s"]
+    assert mismatches(lost, make_finding(LOOP_LOST, None)) == ["a motor kept its power"]
+    (refusal,) = mismatches(lost, make_finding(REFUSED, None))
+    assert "not refused at start" in refusal
     (refused,) = read_table(tmp_path, f"must: {REFUSED}, from: start")
     assert mismatches(refused, make_finding(REFUSED)) == []
     assert mismatches(refused, make_finding(GOES_ON)) != []

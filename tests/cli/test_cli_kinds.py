@@ -31,12 +31,6 @@ def test_own_kinds_have_every_room(name: str) -> None:
     assert registry.interface_problem(registry.find(name)) == ""
 
 
-def test_the_page_prints_what_the_program_prints() -> None:
-    page = (CONFIGS.parent / "docs" / "how_to" / "add_a_rig_kind.md").read_text()
-    sample = page.partition("```\n$ rig kinds\n")[2].partition("```")[0]
-    assert sample == rig("kinds").stdout
-
-
 def plug_in(folder: Path, room: str) -> dict[str, str]:
     """Install a kind of another distribution with a room `commands`; return the environment."""
     package = folder / "my_rig"

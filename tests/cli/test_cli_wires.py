@@ -20,6 +20,7 @@ from command_here import rig as rig_here
 from rich.console import Console
 from wired_rig import CONFIGS, Ports, ended, free_ports, ready, rig, rig_file, running
 
+from rig.cli import sim as sim_command
 from rig.cli.devices import render
 from rig.cli.output import BAD_INPUT, FAILED, OK, STOPPED
 from rig.config.pydantic_errors import load
@@ -72,7 +73,7 @@ def scan_can(
     where = ("-i", interface, "-c", channel, "--bit-rate", bit_rate)
     more = [text for option in options for text in ("-o", option)]
     more += ["--listen"] if only_listen else []
-    return run_command("scan", "can", *where, "--patience", timeout, *more, as_json=as_json)
+    return run_command("scan", "can", *where, "--timeout", timeout, *more, as_json=as_json)
 
 
 def scan_modbus(
@@ -371,3 +372,17 @@ def test_a_rig_without_wiring_is_bad_input(command: str) -> None:
     done = rig_here(command, CONFIGS / "rigs" / "wavebot.yaml", "--json")
     assert (done.returncode, done.stderr) == (BAD_INPUT, "")
     assert "has no wiring" in json.loads(done.stdout)["message"]
+
+
+def test_the_tenth_slave_of_a_segment_is_on_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    slaves = [
+        sim_command.EmulatedDevice(
+            "EtherCAT", "EtherCAT", "eth1", place, f"probe_{place}", "Analog input"
+        )
+        for place in range(1, 12)
+    ]
+    sim_command.show("a rig", slaves, "calm water", as_json=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[:3] for line in lines if "probe_1" in line] == [
+        ["slave", "1", "probe_1"], ["slave", "10", "probe_10"], ["slave", "11", "probe_11"],
+    ]  # fmt: skip

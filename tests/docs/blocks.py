@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import NamedTuple
 
 LANGUAGES = ("console", "python", "yaml", "text", "csv", "matlab", "c")
@@ -62,6 +63,11 @@ def blocks(page: str) -> list[Block]:
         found.append(Block(language, name, name != title, body, start, indent, reason))
         number += 1
     return found
+
+
+def file_of(page: Path, name: str) -> str:
+    """Return the text of a file that a page's blocks write; StopIteration: none does."""
+    return next(each.text for each in blocks(page.read_text()) if each.title == name)
 
 
 def commands(block: Block) -> list[Command]:

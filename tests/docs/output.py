@@ -22,6 +22,7 @@ VARYING = (
 )
 """Parts that vary from run to run, host to host or version to version, with their patterns."""
 
+_PROGRESS = re.compile(r"\d+:\d\d of \d+:\d\d rig time")  # how often a run prints it varies
 _PATTERNS = [(name, re.compile(pattern, re.MULTILINE)) for name, pattern in VARYING]
 
 
@@ -34,8 +35,12 @@ def normalise(lines: list[str]) -> list[str]:
 
 
 def last_states(text: str) -> list[str]:
-    """Return the lines of a terminal's output: of a line that is written over, its last state."""
+    """Return the lines of a terminal's output: of a line that is written over, its last state.
+
+    Lines of progress are left out.
+    """
     lines = [line.rstrip("\r").rpartition("\r")[2].rstrip() for line in text.split("\n")]
+    lines = [line for line in lines if not _PROGRESS.match(line)]
     while lines and not lines[-1]:
         lines.pop()
     return lines

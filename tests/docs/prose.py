@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 
-from .rewriting import DOCS, NOT_REWRITTEN, all_pages, path_of, rewritten_pages
+from .rewriting import DOCS, all_pages, path_of, rewritten_pages
 
 RULES = DOCS / "style" / "prose.yaml"
 BEFORE = DOCS / "style" / "before.json"
@@ -216,13 +216,11 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.docs.prose", description=__doc__)
     parser.add_argument("pages", nargs="*", help="of docs/, or README.md; default: all rewritten")
     parser.add_argument("--report", action="store_true", help="print figures, before and after")
-    parser.add_argument(
-        "--store", type=Path, help="write the figures of the pages that are not yet rewritten"
-    )
+    parser.add_argument("--store", type=Path, help="write the figures of all pages as JSON")
     options = parser.parse_args(arguments)
     named = [each.removeprefix("docs/") for each in options.pages]
     if options.store:
-        options.store.write_text(json.dumps(report(sorted(NOT_REWRITTEN)), indent=1) + "\n")
+        options.store.write_text(json.dumps(report(all_pages()), indent=1) + "\n")
         return 0
     if options.report:
         _print_report(report(named or all_pages()))

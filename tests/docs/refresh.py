@@ -1,6 +1,7 @@
-"""Write the real output of commands and scripts into a page: `python -m tests.docs.refresh PAGE`.
+"""Write real output and pictures into a page: `python -m tests.docs.refresh PAGE`.
 
 Output that matches stays as it is, with its omitted lines; PAGE is a path in docs/ or README.md.
+Pictures that the page's commands write are copied to the places that the page names.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from .pictures import pictures, store
 from .rewriting import path_of
 from .runner import PageRun
 
@@ -24,6 +26,8 @@ def refresh(path: Path, folder: Path) -> list[str]:
                 f"{shown.indent}{line}".rstrip() for line in shown.real
             ]
     path.write_text("\n".join(lines) + "\n")
+    for picture in pictures(path.read_text()):
+        store(picture, folder, path)
     return [
         f"{path}:{finding.line}: {finding.text}"
         for finding in findings

@@ -7,32 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 
-NOT_REWRITTEN = frozenset(
-    [
-        "README.md",
-        "explanation/oswec_plant.md",
-        "explanation/plants.md",
-        "explanation/session_results.md",
-        "explanation/signs.md",
-        "explanation/structure.md",
-        "explanation/the_loop.md",
-        "how_to/add_a_device.md",
-        "how_to/add_a_rig_kind.md",
-        "how_to/manual_control.md",
-        "how_to/operating.md",
-        "how_to/own_plant.md",
-        "how_to/set_up_can_and_serial.md",
-        "how_to/set_up_ethercat.md",
-        "reference/campaigns.md",
-        "reference/encoder_bridge.md",
-        "reference/ethercat.md",
-        "reference/laws.md",
-        "reference/plants.md",
-        "tutorials/bench_session.md",
-        "tutorials/operators_page.md",
-        "tutorials/your_body.md",
-    ]
-)
+NOT_REWRITTEN = frozenset([])
 """Pages whose blocks need not run and whose prose is not linted; a rewritten page leaves them."""
 
 

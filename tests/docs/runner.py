@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 from .blocks import RUN, Block, Command, blocks, commands
 from .output import difference, last_states, matches
+from .pictures import pictures, source_of
 from .rewriting import ROOT
 
-TIMEOUT_S = 600.0
+TIMEOUT_S = 1200.0  # of a command; a busy host runs a campaign a tenth as fast
 _STATE = ".page_state"  # of the shell: folder and exit code after a command
 
 
@@ -41,8 +42,10 @@ class Shown(NamedTuple):
 class PageRun:
     """A page that runs in a folder; `findings` lists the differences."""
 
-    def __init__(self, text: str, folder: Path) -> None:
+    def __init__(self, text: str, folder: Path, timeout_s: float = TIMEOUT_S) -> None:
         self.blocks, self.folder = blocks(text), folder
+        self._pictures = pictures(text)
+        self.timeout_s = timeout_s
         self.findings: list[Finding] = []
         self.shown: list[Shown] = []
         self._background: list[subprocess.Popen[bytes]] = []
@@ -63,6 +66,10 @@ class PageRun:
                 for process in self._background:
                     os.killpg(process.pid, signal.SIGINT)
                     process.wait(60)
+        for picture in self._pictures:
+            if source_of(picture, self.folder) is None:
+                text = f"no command of the page writes {picture.source}"
+                self.findings.append(Finding(picture.line, text))
         return self.findings
 
     def _run_block(self, block: Block, following: list[Block], python: Worker) -> None:
@@ -115,16 +122,18 @@ class PageRun:
         state = self.folder / _STATE
         at_end = f"trap 'code=$?; echo $code >{state}; pwd >>{state}' EXIT"
         script = f"{at_end}\n(exit {self._code})\n{command.text}"
+        process = subprocess.Popen(
+            ["bash", "-c", script], cwd=self._where, env=environment(), start_new_session=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
         try:
-            done = subprocess.run(
-                ["bash", "-c", script], cwd=self._where, env=environment(), check=False,
-                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                timeout=TIMEOUT_S,
-            )  # fmt: skip
+            output, _ = process.communicate(timeout=self.timeout_s)
         except subprocess.TimeoutExpired:
-            self.findings.append(Finding(command.line, f"no end within {TIMEOUT_S:g} s"))
+            os.killpg(process.pid, signal.SIGKILL)  # bash, and all programs that it has started
+            process.communicate()
+            self.findings.append(Finding(command.line, f"no end within {self.timeout_s:g} s"))
             return
-        real = last_states(done.stdout.decode())
+        real = last_states(output.decode())
         real = [line.replace(str(self.folder), "/home/you/rig") for line in real]
         code, where = state.read_text().split()
         state.unlink()
@@ -145,11 +154,11 @@ class PageRun:
         return bool(following) and "$?" in following[0]
 
     def _start(self, text: str) -> None:
-        log = (self.folder / f".background_{len(self._background)}").open("wb")
-        process = subprocess.Popen(
-            ["bash", "-c", text], cwd=self._where, env=environment(), start_new_session=True,
-            stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+        with (self.folder / f".background_{len(self._background)}").open("wb") as log:
+            process = subprocess.Popen(
+                ["bash", "-c", text], cwd=self._where, env=environment(), start_new_session=True,
+                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+            )  # fmt: skip
         self._background.append(process)
 
     def _compare(self, shown: list[str], real: list[str], line: int, indent: str) -> None:

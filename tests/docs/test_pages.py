@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
+from _pytest.mark import ParameterSet
+from PIL import Image
 
 from tests.docs.blocks import LANGUAGES, blocks, commands
 from tests.docs.output import matches, normalise
@@ -13,14 +17,25 @@ from tests.docs.refresh import refresh
 from tests.docs.rewriting import NOT_REWRITTEN, ROOT, all_pages, path_of, rewritten_pages
 from tests.docs.runner import PageRun
 
-NOT_RUN = 0  # blocks of rewritten pages that cannot run here, each with its reason in the page
+NOT_RUN = 5  # blocks of rewritten pages that cannot run here, each with its reason in the page
+
+
+REAL_CLOCK = re.compile(r"^\$ .*rig .*(--realtime|--sim|faults .*--only|doctor)", re.MULTILINE)
+"""Commands that take the host's real-time loop, which one process at a time may have."""
+
+
+def _with_marks(page: str) -> ParameterSet:
+    on_real_clock = REAL_CLOCK.search(path_of(page).read_text())
+    return pytest.param(page, marks=[pytest.mark.realtime] if on_real_clock else [])
 
 
 @pytest.mark.slow
 @pytest.mark.sampled
-@pytest.mark.parametrize("page", rewritten_pages())
+@pytest.mark.timeout(2400)
+@pytest.mark.parametrize("page", [_with_marks(page) for page in rewritten_pages()])
 def test_the_blocks_of_a_page_run_as_shown(page: str, tmp_path: Path) -> None:
     findings = PageRun(path_of(page).read_text(), tmp_path).run()
+    shutil.rmtree(tmp_path)  # a run of a campaign has hundreds of megabytes
     assert not findings, "\n\n".join(f"{page}:{each.line}: {each.text}" for each in findings)
 
 
@@ -127,12 +142,42 @@ def test_a_page_that_is_wrong_is_found(old: str, new: str, finding: str, tmp_pat
     assert finding in found[0].text
 
 
+def test_a_command_without_an_end_is_ended_with_its_programs(tmp_path: Path) -> None:
+    page = "```console\n$ sleep 977 | cat\n```\n"
+    (found,) = PageRun(page, tmp_path, timeout_s=0.5).run()
+    assert "no end within 0.5 s" in found.text
+    listed = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True)
+    assert "sleep 977" not in listed.stdout.splitlines()
+
+
 def test_output_is_refreshed(tmp_path: Path) -> None:
     page, folder = tmp_path / "page.md", tmp_path / "run"
     folder.mkdir()
     page.write_text(EXAMPLE.replace("\n42\n", "\n43\n44\n").replace("second: 2\n$", "$"))
     assert refresh(page, folder) == []
     assert page.read_text() == EXAMPLE
+
+
+PICTURE = """```python
+from PIL import Image
+Image.new("RGB", (2000, 100), "navy").save("dark.png")
+```
+
+<!-- picture: da*.png -->
+![A dark rectangle](pictures/dark.png){ width=100 }
+"""
+
+
+def test_pictures_are_those_of_the_commands(tmp_path: Path) -> None:
+    page, folder = tmp_path / "page.md", tmp_path / "run"
+    folder.mkdir()
+    page.write_text(PICTURE)
+    assert refresh(page, folder) == []
+    with Image.open(tmp_path / "pictures" / "dark.png") as stored:
+        assert stored.size == (1000, 50)
+        assert stored.convert("RGB").getpixel((0, 0)) == (0, 0, 128)
+    (finding,) = PageRun(PICTURE.replace('dark.png")', 'light.png")'), tmp_path).run()
+    assert finding == (6, "no command of the page writes da*.png")
 
 
 @pytest.mark.parametrize(

@@ -19,9 +19,11 @@ from rig.cli.app import COMMANDS
 from rig.config.rig_file import Motor, Operator
 from rig.config.sea import JonswapSea
 from rig.kinds import registry
+from rig.realtime.reasons import NO_REASON
 from rig.recording.row_layout import leaves
 from tests.docs.rewriting import ROOT
 
+MAX_WITHOUT_MEANING = 17  # whose name and unit have to do; it shrinks
 LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("source", "src"), ("video", "src")}
 
 
@@ -29,13 +31,20 @@ LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("source", "src"
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built site."""
     folder = tmp_path_factory.mktemp("site")
-    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir"]
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir"]
     done = subprocess.run(
         [*build, str(folder)], cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
+
+
+def test_warnings_of_the_site_are_errors() -> None:
+    """With --quiet MkDocs counts no warnings, and --strict has no effect."""
+    (command,) = re.findall(r"mkdocs build.*", (ROOT / "Makefile").read_text())
+    assert "--strict" in command
+    assert "--quiet" not in command
 
 
 class Page(HTMLParser):
@@ -150,15 +159,24 @@ def test_the_page_of_trip_reasons_has_every_number_once() -> None:
     for name in registry.OWN_PACKAGES:
         for reason in registry.find(name).room("tick").find_kind("").reason_table.reasons:
             assert f"| {reason.number} | `{reason.name}` | {reason.category} |" in page
+            assert reason.advice or reason.number == NO_REASON, reason
 
 
 def test_the_pages_of_yaml_keys_have_range_unit_and_default() -> None:
     session, limits = yaml_keys.page("session"), yaml_keys.page("limits")
     campaign = yaml_keys.page("campaign")
+    assert "Rate of the magnetic spring alone" in campaign  # of the column's type
+    assert "none: while the law acts" in yaml_keys.page("faults")
     assert "| `amplitude_m` | number | m | 0.001 .. 0.5 |" in campaign
     assert "| `gamma` | number |  | 1 .. 7 | `3.3` |" in campaign
     assert "voltage_stop_v" in limits
     assert "kind `oswec bench`".lower() in session.lower()
+
+
+def test_every_key_has_a_meaning() -> None:
+    """Keys whose unit and name are all there is to know of them are counted; no new one joins."""
+    found = yaml_keys.keys_without_meaning()
+    assert sum(map(len, found.values())) <= MAX_WITHOUT_MEANING, found
 
 
 def test_meanings_are_read_from_comments_docstrings_and_types() -> None:

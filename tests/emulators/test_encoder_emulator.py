@@ -19,7 +19,7 @@ from sim_plant.emulators.encoder_words import Encoder, EncoderSettings, crc8, en
 from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
 
 TURN = 2.0 * math.pi
-EXAMPLE = bytes.fromhex(  # docs/reference/encoder_bridge.md
+EXAMPLE = bytes.fromhex(  # docs/reference/wires.md
     "EB 90 01 00 01 02 00 00 00 00 00 0F 42 40 04 01 ED 2D 29 23 00 C1 23 45 10 C5"
 )
 

@@ -1,4 +1,4 @@
-"""A new law is one Python file and a campaign: those of the page of laws, through all commands."""
+"""A new law is one Python file and a campaign: those of the tutorial, through all commands."""
 
 from __future__ import annotations
 
@@ -19,21 +19,17 @@ from rig_command import rig_here
 from rig.analysis.effects import compute_effects
 from rig.analysis.rows import row_table
 from rig.recording.runs.folder import attachments
+from tests.docs.blocks import file_of
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "reference" / "laws.md"
-
-
-def blocks(language: str) -> list[str]:
-    """Return the code blocks of a language in docs/reference/laws.md."""
-    return re.findall(rf"```{language}\n(.*?)```", DOCS.read_text(), re.DOTALL)
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "your_law.md"
 
 
 def write_example(folder: Path) -> Path:
-    """Write law and campaign of docs/reference/laws.md and return the campaign's path."""
-    (law,), (campaign,) = blocks("python"), [b for b in blocks("yaml") if "RIG" in b]
-    (folder / "growing_damping.py").write_text(law)
+    """Write law and campaign of the tutorial and return the campaign's path."""
+    (folder / "growing_damping.py").write_text(file_of(PAGE, "growing_damping.py"))
     path = folder / "campaign.yaml"
-    path.write_text(campaign.replace("RIG", str(CONFIGS / "rigs" / "wavebot.yaml"), 1))
+    text = file_of(PAGE, "growing.yaml")
+    path.write_text(text.replace("rig: wavebot", f"rig: {CONFIGS / 'rigs' / 'wavebot.yaml'}"))
     return path
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import inspect
-import re
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +24,9 @@ from modular_rigs import (
 )
 
 from rig.compilation.cache_folder import code_folder
+from tests.docs.blocks import file_of
 
-LAWS_PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "laws.md"
+LAW_PAGE = Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "your_law.md"
 REGULAR = {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.4}
 IRREGULAR = {"kind": "jonswap", "hs_m": 0.15, "tp_s": 2.5, "repeat_s": 10}
 TIMES = {
@@ -71,8 +71,7 @@ CASES: dict[str, dict[str, Any]] = {
 
 def make_campaign(folder: Path, case: str) -> Path:
     """Write the files of a case: heave and pitch, a tared force sensor with noise and a scale."""
-    (law,) = re.findall(r"```python\n(.*?)```", LAWS_PAGE.read_text(), re.DOTALL)
-    (folder / "growing.py").write_text(law)
+    (folder / "growing.py").write_text(file_of(LAW_PAGE, "growing_damping.py"))
     rig = rig_mapping(
         axes={"heave": HEAVE | {"gain_ramp_s": 0.3}, "pitch": PITCH},
         sensors={"pto_force": FORCE | {"scale": 1.5, "offset": -7.0}, "dc_power": POWER},

@@ -1,6 +1,6 @@
 """Sessions on the simulated bench: the plan, the two-pass correction, torque control, the command.
 
-The runs are short; docs/tutorials/bench_session.md has the results of complete sessions.
+The runs are short; docs/explanation/plants.md has the results of complete sessions.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from drivers.encoder.ssi import WORD_BITS, SsiProtocol
 from drivers.errors import CodecError
 
 ROOT = Path(__file__).resolve().parents[3]
-PAGE = (ROOT / "docs" / "reference" / "encoder_bridge.md").read_text()
+PAGE = (ROOT / "docs" / "reference" / "wires.md").read_text()
 EXAMPLE = bytes.fromhex(re.findall(r"^EB 90 .*$", PAGE, re.MULTILINE)[0])
 GOLDEN = Frame(258, 0, 1_000_000, SsiProtocol.SSI4, 0xED2D2923, SsiProtocol.SSI1, 0x00C12345)
 

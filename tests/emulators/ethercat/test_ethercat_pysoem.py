@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from master_process import isolated, scenario
+from master_process import scenario
 from pysoem_lines import ALL_OP, COUNTER, IDENTITY, VENDOR
 
 pytest.importorskip("pysoem", reason="pysoem is not installed (extra `ethercat`)")
@@ -111,8 +111,3 @@ def test_wrong_devices_at_start() -> None:
     assert (seen["cut"], seen["whole"]) == (6, 9)
     assert seen["damaged"] == 0xFFFFFFFF
     assert seen["states"] == [2] * 8 + [0x11]
-
-
-def test_the_example_of_the_page() -> None:
-    seen = isolated("page_process.py", seconds=60.0)
-    assert seen["printed"] == seen["expected"]

@@ -26,7 +26,7 @@ class LoopLimits(FileModel):
     """Limits of the loop and of the panel."""
 
     lost_ticks_stop: WholeNumber = Field(ge=1, le=100_000)  # in one gap
-    panel_age_stop_s: float = Field(gt=0, le=60)
+    panel_age_stop_s: float = Field(gt=0, le=60)  # age of the emergency stop's value that stops
 
 
 AnyAxisLimits = Annotated[TranslationLimits | RotationLimits, Field(discriminator="motion")]

@@ -38,7 +38,7 @@ class Rotation(RotaryAxis):
 
     motion: Literal["rotation"]
     law: str | dict[str, Any] = "impedance"
-    stop_damping_n_m_s_per_rad: float = Field(gt=0, le=1e6)
+    stop_damping_n_m_s_per_rad: float = Field(gt=0, le=1e6)  # during a controlled stop
     force_sensor: str | None = None  # sensor (N*m) between drive and body
 
 
@@ -54,12 +54,12 @@ class Sensor(FileModel):
 
     label: str = Field(default="", max_length=64)  # on axes of pictures; empty: its name
     unit: Literal[UNITS]  # type: ignore[valid-type]
-    scale: float = Field(default=1.0, ge=-1e9, le=1e9)
-    offset: float = Field(default=0.0, ge=-1e9, le=1e9)
+    scale: float = Field(default=1.0, ge=-1e9, le=1e9)  # factor on the source's value
+    offset: float = Field(default=0.0, ge=-1e9, le=1e9)  # added after scaling
     source: str | None = None  # DEVICE.VALUE; needed with wiring
     tare: bool = False  # its mean during the tare is its zero
     range: TupleOf[float] = Field(min_length=2, max_length=2, strict=False)  # not tared
-    age_limit_s: float = Field(gt=0, le=60)
+    age_limit_s: float = Field(gt=0, le=60)  # age of the value that stops
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the scale is not zero and that the range has a width."""
@@ -76,7 +76,7 @@ class PowerStation(FileModel):
 
     formula: str = Field(min_length=1, max_length=500)  # W, of signals: + - * and numbers
     label: str = Field(default="", max_length=64)  # empty: its name
-    running_mean: bool = True
+    running_mean: bool = True  # a row of the log has its mean so far
     shown: bool = True  # in pictures
 
     def as_station(self, name: str) -> Station:

@@ -45,14 +45,14 @@ class Source(NamedTuple):
 class ModularWiring(Wiring):
     """The wiring of a modular rig."""
 
-    can: CanBus | None = None
+    can: CanBus | None = None  # the bus of the drives
     ethercat: Segment | None = None  # either this or `can`
     axes: dict[str, TorqueDrive] = Field(min_length=1)  # the drive of each axis
     registers: dict[str, Registers] = Field(default={}, max_length=64)  # polled, for sensors
     terminals: dict[str, TerminalBlock] = Field(default={}, max_length=64)  # for sensors
-    load_cells: dict[str, LoadCell] = Field(default={}, max_length=16)
-    inputs: Annotated[AnyBlock, PANEL_INPUTS]
-    outputs: Annotated[AnyBlock | None, WAVE_TRIGGER] = None
+    load_cells: dict[str, LoadCell] = Field(default={}, max_length=16)  # six-axis, by name
+    inputs: Annotated[AnyBlock, PANEL_INPUTS]  # `e_stop` and `limit_switch`; monitoring only
+    outputs: Annotated[AnyBlock | None, WAVE_TRIGGER] = None  # `wave_trigger`
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check blocks and nodes, and that names can be those of mailboxes and of their fields."""

@@ -40,6 +40,7 @@ def own_reasons(composition: Composition) -> tuple[TripReason, ...]:
                 f"{axis.name}_{fault.name}".upper(),
                 fault.category,
                 f"{axis.name}: {fault.text}",
+                fault.advice,
             )
             for fault in AXIS_FAULTS
         ]
@@ -47,7 +48,19 @@ def own_reasons(composition: Composition) -> tuple[TripReason, ...]:
         name = sensor.name.upper()
         stale, outside = stale_sensor(index), sensor_range(index)
         reasons += [
-            TripReason(stale, f"{name}_STALE", 1, f"the value of {sensor.name} was too old"),
-            TripReason(outside, f"{name}_RANGE", 1, f"{sensor.name} was outside its range"),
+            TripReason(
+                stale,
+                f"{name}_STALE",
+                1,
+                f"the value of {sensor.name} was too old",
+                "Check the sensor's cable and supply; `rig devices` lists what answers.",
+            ),
+            TripReason(
+                outside,
+                f"{name}_RANGE",
+                1,
+                f"{sensor.name} was outside its range",
+                "Check the sensor's zero and scale, and its range in the rig file.",
+            ),
         ]
     return tuple(reasons)

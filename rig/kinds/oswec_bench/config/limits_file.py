@@ -18,18 +18,19 @@ from rig.config.problems import format_number
 class MotorLimits(DriveLimits):
     """Limits of motor and drive at the gearbox output; `warn` gives a warning, `stop` stops."""
 
-    angle_warn_deg: float = Field(gt=0, le=720)
-    angle_stop_deg: float = Field(gt=0, le=720)
-    velocity_stop_rad_per_s: float = Field(gt=0, le=50)
+    angle_warn_deg: float = Field(gt=0, le=720)  # angle from zero that gives an alarm
+    angle_stop_deg: float = Field(gt=0, le=720)  # angle from zero that stops
+    velocity_stop_rad_per_s: float = Field(gt=0, le=50)  # speed that stops
     velocity_command_rad_per_s: float = Field(gt=0, le=50)  # maximum command
     acceleration_rad_per_s2: float = Field(gt=0, le=1e4)  # of the velocity command
-    current_peak_a: float = Field(gt=0, le=100)
-    current_rms_a: float = Field(gt=0, le=100)
+    current_peak_a: float = Field(gt=0, le=100)  # limit of the commanded current
+    current_rms_a: float = Field(gt=0, le=100)  # limit of its root mean square
     current_slew_a_per_s: float = Field(gt=0, le=1e6)
-    encoder_jump_stop_deg: float = Field(gt=0, le=90)
+    """Limit of the change of the commanded current."""
+    encoder_jump_stop_deg: float = Field(gt=0, le=90)  # step between two readings that stops
     current_difference_stop_a: float = Field(gt=0, le=100)  # in the torque loop
     velocity_difference_stop_rad_per_s: float = Field(gt=0, le=50)  # same, in the velocity loop
-    velocity_difference_time_s: float = Field(gt=0, le=60)
+    velocity_difference_time_s: float = Field(gt=0, le=60)  # for at least this time
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the order of warning, command and stop, of rms and peak, of stale and wrong."""
@@ -52,7 +53,7 @@ class MotorLimits(DriveLimits):
 class ShaftLimits(FileModel):
     """Limits of the encoder behind the coupling."""
 
-    encoder_jump_stop_deg: float = Field(gt=0, le=90)
+    encoder_jump_stop_deg: float = Field(gt=0, le=90)  # step between two readings that stops
     slip_stop_deg: float = Field(gt=0, le=90)  # between motor and shaft
 
 
@@ -70,7 +71,7 @@ class BrakeLimits(FileModel):
 
     difference_stop_a: float = Field(gt=0, le=20)  # between commanded and measured current
     difference_time_s: float = Field(gt=0, le=60)  # for at least this time
-    age_stop_s: float = Field(gt=0, le=60)
+    age_stop_s: float = Field(gt=0, le=60)  # age of the brake's current that stops
 
 
 class FeedbackAuthority(FileModel):
@@ -84,7 +85,7 @@ class FeedbackAuthority(FileModel):
 class BenchTareLimits(FileModel):
     """Limits beyond which the tare is refused."""
 
-    angle_span_stop_deg: float = Field(gt=0, le=45)
+    angle_span_stop_deg: float = Field(gt=0, le=45)  # motion during the tare that stops
 
 
 class BenchLimitsFile(FileModel):

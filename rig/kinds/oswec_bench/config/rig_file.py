@@ -25,9 +25,9 @@ BenchRate = Annotated[
 class Encoder(FileModel):
     """An encoder and its estimator."""
 
-    counts_per_revolution: WholeNumber = Field(ge=100, le=100_000_000)
+    counts_per_revolution: WholeNumber = Field(ge=100, le=100_000_000)  # of the encoder
     noise_counts: float = Field(ge=0, le=1000)  # standard deviation, without quantisation
-    jerk_density_rad2_per_s5: float = Field(ge=1e-6, le=1e9)
+    jerk_density_rad2_per_s5: float = Field(ge=1e-6, le=1e9)  # process noise of the estimator
 
 
 class Servo(FileModel):
@@ -43,15 +43,15 @@ class Servo(FileModel):
 class BrakePoint(FileModel):
     """One point of the brake's curve, the mean of its two branches."""
 
-    current_a: float = Field(ge=0, le=20)
-    torque_n_m: float = Field(ge=0, le=1000)
+    current_a: float = Field(ge=0, le=20)  # of the brake
+    torque_n_m: float = Field(ge=0, le=1000)  # of the brake there
 
 
 class Brake(FileModel):
     """The particle brake and its amplifier."""
 
     map: TupleOf[BrakePoint] = Field(min_length=2, strict=False)
-    slew_a_per_s: float = Field(gt=0, le=1e5)
+    slew_a_per_s: float = Field(gt=0, le=1e5)  # greatest change of the current
     velocity_filter_s: float = Field(ge=1e-4, le=1)  # of the shaft's velocity in T = R |v|
 
     def check_rules(self) -> Iterator[RuleViolation]:
@@ -70,8 +70,8 @@ class Brake(FileModel):
 class TorqueFeedback(FileModel):
     """The closed torque loop on the load cell."""
 
-    proportional: float = Field(ge=0, le=10)
-    integral_per_s: float = Field(ge=0, le=1000)
+    proportional: float = Field(ge=0, le=10)  # gain
+    integral_per_s: float = Field(ge=0, le=1000)  # gain
 
 
 class InstantCorrection(FileModel):
@@ -84,14 +84,14 @@ class Homing(FileModel):
     """The return of the shaft to its zero between rows."""
 
     rate_per_s: float = Field(gt=0, le=20)  # speed per remaining angle
-    speed_rad_per_s: float = Field(gt=0, le=2)
-    duration_s: float = Field(ge=0.1, le=60)
+    speed_rad_per_s: float = Field(gt=0, le=2)  # greatest speed
+    duration_s: float = Field(ge=0.1, le=60)  # time for the return
 
 
 class BenchStop(StopTiming):
     """A controlled stop: zero velocity, or damping in the torque loop, then power off."""
 
-    damping_n_m_s_per_rad: float = Field(gt=0, le=1000)
+    damping_n_m_s_per_rad: float = Field(gt=0, le=1000)  # of the shaft in the torque loop
 
 
 class BenchRigFile(BaseRigFile):

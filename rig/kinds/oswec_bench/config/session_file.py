@@ -126,11 +126,12 @@ class SessionTiming(FileModel):
 class IrregularReference(FileModel):
     """A reference of many cosines: all lines k/repeat of a band, with random phases."""
 
-    low_hz: float = Field(ge=0.01, le=5)
-    high_hz: float = Field(ge=0.01, le=5)
-    repeat_s: float = Field(ge=1, le=600)
-    seed: WholeNumber = Field(ge=0, le=4_294_967_295)
+    low_hz: float = Field(ge=0.01, le=5)  # lower end of the band
+    high_hz: float = Field(ge=0.01, le=5)  # upper end of the band
+    repeat_s: float = Field(ge=1, le=600)  # period after which the signal repeats
+    seed: WholeNumber = Field(ge=0, le=4_294_967_295)  # of the random phases
     draws: WholeNumber = Field(default=100, ge=1, le=1000)
+    """Number of draws of the phases, of which the best is kept."""
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the band contains a line, and at most `MAX_LINES` lines."""
@@ -219,23 +220,37 @@ class SessionFile(FileModel):
 
     name: FolderName
     session: SessionKind
+    """driveline: deflection, its trends, map over torque; velocity_constant: rad/s per V, brake
+    taken off (`plant`); brake_map: torque over current, both branches; losses: of bearing and
+    seal, and of the gearbox; torque_constant: N*m per A, each direction; torque_tracking: error
+    of a torque; flap_hydrostatic: buoyant spring, angle of rest, inertia; flap_free_decay:
+    natural period and damping; flap_rao: response amplitude operator; flap_pto_sweep: best
+    damping and its power.
+    """
     rig: str = Field(min_length=1)  # file, relative to this one
     plant: str | None = Field(default=None, min_length=1)  # replaces that of the rig
     calibrations: TupleOf[str] = Field(default=(), strict=False)  # take precedence over the rig's
     seed: WholeNumber = Field(default=1, ge=0, le=4_294_967_295)
+    """Of the random phases and of a random order."""
     shaft: Literal["free", "clamped"] = "free"
+    """Whether a clamp holds the shaft; the program does not sense it."""
     rows: TupleOf[SessionRow] | None = Field(default=None, min_length=1, strict=False)
+    """List of rows; or give grid."""
     grid: TupleOf[SessionGrid] | None = Field(default=None, min_length=1, strict=False)
-    irregular: IrregularReference | None = None
+    """Rows as products of lists; or give rows."""
+    irregular: IrregularReference | None = None  # in place of one period
     timing: SessionTiming
     correction: Annotated[
         Annotated[AnyCorrection, Field(discriminator="kind")], BeforeValidator(_expand_correction)
     ] = NoCorrection(kind="none")
+    """Correction of the position for the twist of the driveline."""
     position_feedback_per_s: float = Field(default=0.0, ge=0, le=5)  # 0: the shaft may drift
     control: Literal["open loop", "closed loop"] = "open loop"
+    """Whether the load cell closes the torque loop."""
     tare: TareOrNone = Tare()
-    order: Literal["as given", "random"] = "as given"
+    order: Literal["as given", "random"] = "as given"  # in which the rows are measured
     repeat: WholeNumber = Field(default=1, ge=1, le=1000)
+    """Number of times that each row is measured."""
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the rows, and that the kind of session allows all given options."""

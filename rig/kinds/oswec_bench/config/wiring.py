@@ -18,7 +18,7 @@ _POSITION_BITS = {"SSI1": 22, "SSI2": 22, "SSI4": 19, "SSI6": 22, "SSI9": 19}
 class EncoderChannel(FileModel):
     """One encoder channel of the bridge."""
 
-    protocol: Literal["SSI1", "SSI2", "SSI4", "SSI6", "SSI9"]
+    protocol: Literal["SSI1", "SSI2", "SSI4", "SSI6", "SSI9"]  # of the encoder
     direction: Literal[1, -1]  # -1: the count decreases with the positive angle
     # Maximum speed of the encoder's shaft: a count that implies a higher speed is refused, and so
     # is every count after a gap in which the shaft could have turned by half a turn.
@@ -41,9 +41,9 @@ class EncoderBridge(SerialPort):
 class ServoObject(FileModel):
     """One object of the servo drive."""
 
-    index: WholeNumber = Field(ge=1, le=65_535)
-    sub: WholeNumber = Field(ge=0, le=255)
-    form: Literal["INT24", "REAL48", "DINT48", "U16", "U32", "F32"]
+    index: WholeNumber = Field(ge=1, le=65_535)  # of the object
+    sub: WholeNumber = Field(ge=0, le=255)  # subindex of the object
+    form: Literal["INT24", "REAL48", "DINT48", "U16", "U32", "F32"]  # of the number
     # Drive units per SI unit, at the motor; negative: opposite direction.
     per_unit: float = Field(default=1.0, ge=-1e9, le=1e9)
 
@@ -58,8 +58,8 @@ class AnalogCommand(FileModel):
 
     offset_v: float = Field(gt=-10, lt=10)  # for zero velocity; measured
     gain: float = Field(ge=-2, le=2)  # volts at the output per commanded volt; measured
-    low_v: float = Field(ge=-10, le=10)
-    high_v: float = Field(ge=-10, le=10)
+    low_v: float = Field(ge=-10, le=10)  # lower end of the output
+    high_v: float = Field(ge=-10, le=10)  # upper end of the output
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the output can command zero velocity and a velocity other than zero."""

@@ -1,6 +1,19 @@
 """Analysis of sessions of the bench: the results of a dynamometer run in the form of the OSWEC
 thesis, as tables, figures, page and calibration file. As the room `products`
 (`rig.kinds.interface`), what a run, `rig show` and `rig plot` write.
+
+A new kind of session is one module of this package and one row of the table below. The module's
+`analyse_session(session)` returns a `Result` (`result.py`) of these parts:
+
+- a table: its rows, and a function of a row by heading, such as ``"period [s]": lambda point:
+  point.period``; a column of estimates has a second one with their half widths;
+- ``compare(quantity, measured, thesis, target, target_met)``: a line of the comparison;
+- ``@figures.figure(title, caption, axes=(x, y, ...))`` on a function that draws into axes: a
+  figure, whose file has the function's name;
+- constants: an `Estimate` by name.
+
+`report.py` writes all of them as page, CSV, NetCDF and JSON, and the calibration file. An analysis
+that needs another run has a row in a second table: the baseline, or a constant of an analysed run.
 """
 
 import os

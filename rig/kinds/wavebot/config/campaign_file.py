@@ -40,8 +40,8 @@ class Hoist(FileModel):
 
     stations_percent: Annotated[TupleOf[Station], BeforeValidator(expand_values)]
     low_m: float = Field(ge=-2, lt=0)  # relative to the tared zero
-    high_m: float = Field(gt=0, le=2)
-    speed_m_per_s: float = Field(gt=0, le=0.2)
+    high_m: float = Field(gt=0, le=2)  # relative to the tared zero
+    speed_m_per_s: float = Field(gt=0, le=0.2)  # between the reversals
     cycles: WholeNumber = Field(default=2, ge=1, le=20)  # per station
 
     def check_rules(self) -> Iterator[RuleViolation]:
@@ -87,7 +87,7 @@ class SetPoint(FileModel):
 class Start(BaseStart):
     """The time to the first row, with a set point of its own at the beginning."""
 
-    set_point_s: float = Field(default=5.0, ge=0, le=600)
+    set_point_s: float = Field(default=5.0, ge=0, le=600)  # duration of the first set point
     set_point: SetPoint | None = None  # None: the first row's kp, and ki 0
 
     def check_rules(self) -> Iterator[RuleViolation]:
@@ -103,7 +103,7 @@ class Start(BaseStart):
 class SurgeControl(FileModel):
     """Control of surge; missing gains are those of the rig."""
 
-    use: Literal["station keeping", "hold", "off"] = "station keeping"
+    use: Literal["station keeping", "hold", "off"] = "station keeping"  # law of the surge drive
     kp_n_s_per_m: SurgeKp | None = None
     ki_n_per_m: SurgeKi | None = None
 
@@ -116,7 +116,7 @@ class DriveSetup(FileModel):
     """
 
     modulation: ModulationScheme | None = None
-    supply: Literal["connected", "disconnected"] = "connected"
+    supply: Literal["connected", "disconnected"] = "connected"  # of the drive
     bus_voltage_v: BusVoltage | None = None
     switching_period_s: SwitchingPeriod | None = None
     hysteresis_a: HysteresisTolerance | None = None

@@ -23,7 +23,7 @@ Ki = Annotated[float, Field(ge=_KI.low, le=_KI.high)]
 """Position gain of the impedance law, N/m; Ki > 0 acts as a negative spring."""
 
 SpringRate = Annotated[float, Field(ge=-50_000, le=50_000)]
-"""Small-displacement spring rate, N/m; the rig's spring map gives the available range."""
+"""Rate of the magnetic spring alone by the rig's spring map, N/m: the slope over its half angle."""
 
 ReferenceScale = Annotated[float, Field(ge=-10, le=10)]
 """Factor on the campaign's open-loop reference."""

@@ -76,8 +76,8 @@ class WaveBotWiring(Wiring):
 class SpringPoint(FileModel):
     """One measured station of the spring map."""
 
-    stator_percent: float = Field(ge=-100, le=100)
-    rate_n_per_m: float = Field(ge=-50_000, le=50_000)
+    stator_percent: float = Field(ge=-100, le=100)  # position of the stator
+    rate_n_per_m: float = Field(ge=-50_000, le=50_000)  # spring rate there
     stroke_m: Stroke
 
 
@@ -91,9 +91,10 @@ class SpringMapping(FileModel):
 class MagneticSpring(FileModel):
     """The magnetic spring and the actuator of its stator."""
 
-    metres_per_radian: float = Field(ge=0.01, le=10)
+    metres_per_radian: float = Field(ge=0.01, le=10)  # travel of heave per angle of the rotor
     arrival_tolerance_percent: float = Field(ge=0.01, le=10)
-    move_timeout_s: float = Field(ge=1, le=600)
+    """Distance within which the stator has arrived."""
+    move_timeout_s: float = Field(ge=1, le=600)  # time in which a move must end
     mapping: SpringMapping | None = None  # None: a map cannot be measured
     map: TupleOf[SpringPoint] = Field(min_length=2, strict=False)
 
@@ -138,17 +139,17 @@ class StationKeeping(FileModel):
     kp_n_s_per_m: SurgeKp
     ki_n_per_m: SurgeKi
     reach_m: float = Field(gt=0, le=2)  # distance of the soft stops, either side of the station
-    soft_stop_n_per_m: float = Field(ge=0, le=1e6)
+    soft_stop_n_per_m: float = Field(ge=0, le=1e6)  # stiffness of the soft stops
     soft_stop_n_s_per_m2: float = Field(ge=0, le=1e6)  # damping per metre of penetration
 
 
 class SurgeHold(FileModel):
     """Position hold of surge, for campaigns with `surge.use: hold`."""
 
-    stiffness_n_per_m: float = Field(ge=0, le=1e6)
-    damping_n_s_per_m: float = Field(ge=0, le=1e5)
+    stiffness_n_per_m: float = Field(ge=0, le=1e6)  # of the hold
+    damping_n_s_per_m: float = Field(ge=0, le=1e5)  # of the hold
     speed_m_per_s: float = Field(gt=0, le=1)  # of the approach to zero
-    acceleration_m_per_s2: float = Field(gt=0, le=10)
+    acceleration_m_per_s2: float = Field(gt=0, le=10)  # greatest one of the approach
 
 
 class CotsDrive(FileModel):
@@ -173,9 +174,10 @@ class CustomDrive(FileModel):
 class Stability(FileModel):
     """The minimum heave stiffness that every row of the gain matrix must leave."""
 
-    hydrostatic_stiffness_n_per_m: float = Field(ge=100, le=1e6)
+    hydrostatic_stiffness_n_per_m: float = Field(ge=100, le=1e6)  # of the body in water
     small_displacement_factor: float = Field(ge=0.5, le=3)  # small-signal rate over table rate
     least_stiffness_n_per_m: float = Field(ge=0, le=1e5)
+    """Minimum of hydrostatic stiffness, spring and gains together."""
 
 
 class Stop(StopTiming):

@@ -71,3 +71,12 @@ def station_names(stations: Iterable[Station]) -> list[str]:
 def shown(stations: Iterable[Station]) -> tuple[Station, ...]:
     """Return the stations that pictures show by default."""
     return tuple(station for station in stations if station.shown)
+
+
+def in_tables(stations: Iterable[Station]) -> tuple[Station, ...]:
+    """Return the stations that tables of a terminal's width show.
+
+    These are the shown ones with a running mean; without any, all shown ones.
+    """
+    found = shown(stations)
+    return tuple(station for station in found if station.running_mean) or found

@@ -28,7 +28,7 @@ from rig.realtime.reasons import Reason
 from rig.recording.row_layout import leaves
 from rig.recording.runs.windows import Window
 from rig.row_contents import PANEL, Column, RowContents, X, Y
-from rig.stations import shown
+from rig.stations import in_tables
 
 MAX_SECONDS = 7200.0
 """Length of the part of a plan that a check simulates unasked, s: some seconds of work."""
@@ -99,7 +99,7 @@ class SimulatedRows(NamedTuple):
     def numbers(self) -> dict[str, str]:
         """The format of each number that a table shows, by its name in the row table."""
         ranges = (check.name for check in self.contents.checks if check.statistic == "range")
-        powers = (f"power_{station.name}" for station in shown(self.contents.stations))
+        powers = (f"power_{station.name}" for station in in_tables(self.contents.stations))
         digits = dict.fromkeys(_MOTION, ".4g") | {"position_peak": ".3f"}
         return digits | dict.fromkeys(ranges, ".3f") | dict.fromkeys(powers, ".4g")
 

@@ -19,7 +19,7 @@ from rig.presentation.console import plain_table, table_console, whole_table
 from rig.presentation.json_values import json_value
 from rig.presentation.phrases import count_text
 from rig.row_contents import Column, main_columns
-from rig.stations import shown
+from rig.stations import in_tables
 
 if TYPE_CHECKING:
     from rig.sweeps.counterfactual import AmplitudeRange, CounterfactualResult
@@ -166,7 +166,7 @@ def _replay_with(
         print_json(_as_dict(result))
     else:
         contents = simulation_of(campaign).row_contents(campaign)
-        headings = {station.name: station.heading for station in shown(contents.stations)}
+        headings = {station.name: station.heading for station in in_tables(contents.stations)}
         _print_prediction(result, headings, contents.columns, table_console())
     return OK if all(row.state == COMPLETE for row in result.rows) else FAILED
 

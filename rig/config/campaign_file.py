@@ -69,6 +69,8 @@ class BaseCampaignFile(CampaignHead):
     def _find_axis(cls, value: Any) -> Any:
         if not isinstance(value, dict):
             return value
+        if not hasattr(cls, "reference_axes"):  # without the laws of the axes, a problem of its own
+            return {"axis": "", **value}
         axis = value.get("axis", cls.reference_axes[0])
         if axis not in cls.reference_axes:
             allowed = ", ".join(cls.reference_axes)

@@ -109,7 +109,7 @@ def test_a_recommendation_warns(
         monkeypatch.setattr(
             f"rig.kinds.wavebot.recommend.report.{name}", lambda *_, value=stub: value
         )
-    monkeypatch.setattr(f"{command}.find_run_of_kind", lambda _, named, runs: named)
+    monkeypatch.setattr(f"{command}.find_run_of_kind", lambda *arguments: arguments[1])
     code, out, err = rig_here("recommend", tmp_path, "--no-pictures", "--json")
     assert code == 0, err
     assert len(json.loads(out)["warnings"]) == count

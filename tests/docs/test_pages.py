@@ -20,17 +20,17 @@ from tests.docs.runner import PageRun
 NOT_RUN = 5  # blocks of rewritten pages that cannot run here, each with its reason in the page
 
 
-REAL_CLOCK = re.compile(r"^\$ .*rig .*(--realtime|--sim|faults .*--only|doctor)", re.MULTILINE)
+REAL_CLOCK = re.compile(r"^\$ .*rig .*(--realtime|--sim\b|faults .*--only|doctor)", re.MULTILINE)
 """Commands that take the host's real-time loop, which one process at a time may have."""
 
 
 def _with_marks(page: str) -> ParameterSet:
     on_real_clock = REAL_CLOCK.search(path_of(page).read_text())
-    return pytest.param(page, marks=[pytest.mark.realtime] if on_real_clock else [])
+    pool = pytest.mark.sampled(pool=f"pages, {'real' if on_real_clock else 'any'} clock")
+    return pytest.param(page, marks=[pool, *([pytest.mark.realtime] if on_real_clock else [])])
 
 
 @pytest.mark.slow
-@pytest.mark.sampled
 @pytest.mark.timeout(2400)
 @pytest.mark.parametrize("page", [_with_marks(page) for page in rewritten_pages()])
 def test_the_blocks_of_a_page_run_as_shown(page: str, tmp_path: Path) -> None:

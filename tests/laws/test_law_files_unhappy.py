@@ -11,12 +11,13 @@ from typing import Any
 import pytest
 from rehearsing import CONFIGS
 from rig_command import rig_here
-from test_adding_a_law import blocks, check, write_example
+from test_adding_a_law import PAGE, check, write_example
 
 from rig import laws, plug_ins
 from rig.kinds.wavebot.tick import KIND, find_kind
+from tests.docs.blocks import file_of
 
-GOOD = blocks("python")[0]
+GOOD = file_of(PAGE, "growing_damping.py")
 Write = Callable[..., Path]
 
 

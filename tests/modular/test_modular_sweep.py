@@ -14,11 +14,12 @@ import xarray
 from both_ways import open_campaign_plan
 from command_here import rig as rig_here
 from mode_plants import CYLINDER
-from test_modular_simulation import LAWS_PAGE, make_campaign
+from test_modular_simulation import LAW_PAGE, make_campaign
 
 from rig.analysis.rows import row_table
 from rig.kinds.modular.simulation import check_model
 from rig.recording.runs import open_run
+from tests.docs.blocks import file_of
 
 GAINS = """\
 matrix:
@@ -167,7 +168,7 @@ def test_a_run_with_another_device_than_the_model_is_refused(tmp_path: Path) -> 
 def with_law(folder: Path, old: str, new: str, extra: str = "") -> Path:
     """Write the campaign with a law of a file, of which a part is replaced."""
     path = make_campaign(folder, "law of a file, nonlinear damping")
-    (text,) = re.findall(r"```python\n(.*?)```", LAWS_PAGE.read_text(), re.DOTALL)
+    text = file_of(LAW_PAGE, "growing_damping.py")
     assert old in text
     law = text.replace(old, new, 1).replace("class SetPoint", f"{extra}class SetPoint", 1)
     (folder / "growing.py").write_text(law)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,10 @@ import pytest
 from command_here import rig
 from mode_plants import CYLINDER
 from predicting import CONFIGS, STIFF, rows, write_campaign
-from test_modular_simulation import LAWS_PAGE
+from test_modular_simulation import LAW_PAGE
 
 from rig.analysis.rows import row_table
+from tests.docs.blocks import file_of
 
 SEA = {"kind": "regular", "amplitude_m": 0.05, "frequency_hz": 0.5}
 TIMES = {
@@ -55,7 +55,7 @@ def check(path: Path, *options: str) -> dict[str, Any]:
 def write_law_campaign(folder: Path, kind: str, law: str) -> Path:
     """Write a campaign of two rows with a law, on the WaveBot or on a new rig."""
     settings, gains = LAWS[law]
-    (text,) = re.findall(r"```python\n(.*?)```", LAWS_PAGE.read_text(), re.DOTALL)
+    text = file_of(LAW_PAGE, "growing_damping.py")
     (folder / "growing_damping.py").write_text(text)
     if kind == MODULAR:
         new = rig("new", "rig", "buoy", "--bem", CYLINDER, "--dof", "Heave", "--folder", folder)

@@ -100,7 +100,8 @@ def test_an_adaptive_run_serves_with_an_identification(
     measured = json.loads(text)["measured"]
     states = row_table(adaptive)["state"].values.tolist()
     assert len(measured) == states.count(COMPLETE) >= 2, states
-    assert rig_here("check", out)[0] == 0
+    code, text, error = rig_here("check", out)
+    assert code == 0, out.read_text() + text + error
 
 
 def test_a_shipped_campaign_is_found_from_another_folder(

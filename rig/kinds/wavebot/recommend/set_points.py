@@ -146,7 +146,12 @@ class SetPointPredictor:
             RowComparison(
                 row.row_label,
                 one.gains,
-                {"mechanical_1": row.column, "ac": row.ac, "dc": row.dc},
+                {
+                    "mechanical_1": row.column,
+                    "mechanical_2": row.shaft,
+                    "ac": row.ac,
+                    "dc": row.dc,
+                },
                 {station.name: one.power(station) for station in STATIONS},
             )
             for row, one in zip(rows, self.predict(gains) if gains else (), strict=True)

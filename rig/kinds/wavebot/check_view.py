@@ -24,7 +24,6 @@ from rig.kinds.wavebot.predictions.prediction import (
 from rig.kinds.wavebot.predictions.travel import Travel
 from rig.presentation.console import WIDTH, plain_table, table_console
 from rig.presentation.phrases import count_text, format_duration, unit_text
-from rig.stations import shown
 
 ROWS_SHOWN = 8  # without --rows
 MAX_SPRING_RATES = 12
@@ -93,7 +92,7 @@ class CheckView:
         """Print a line for each spring rate, and return the points that are refused."""
         refused = {row.row.point for row in forecast.rows if any(row.blocking())}
         law, columns = forecast.campaign.axis_laws["heave"], _law_columns(forecast)
-        stations = shown(PREDICTED_STATIONS)
+        stations = [each for each in PREDICTED_STATIONS if each.running_mean]  # the table is narrow
         stations = stations if self._console.width >= WIDTH else stations[1:]
         table = _table(
             "Predicted, by spring rate",

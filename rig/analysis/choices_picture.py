@@ -9,7 +9,7 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from rig.analysis import labels
+from rig.analysis import labels, panel
 from rig.analysis.choices import ChosenRow
 from rig.analysis.points import row_settings
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
@@ -128,6 +128,7 @@ def _draw_places(axes: Axes, table: xarray.Dataset, order: list[int], best: int)
         )  # fmt: skip
     axes.set_xlabel(labels.axis_label(x), fontsize=8)
     axes.set_ylabel(labels.axis_label(y), fontsize=8)
+    panel.set_ticks(axes)
     if panels:
         texts = ", ".join(labels.format_quantity(panels[0], level) for level in levels)
         axes.set_title(f"{panels[0].label} from left to right: {texts}", fontsize=8, loc="left")

@@ -191,5 +191,6 @@ def _save(figure: Any, body: Any, panels: Any, columns: int, path: Path) -> Path
         axes.set_xlabel("frequency, Hz", fontsize=8)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     style = {"loc": "outside lower center", "frameon": False, "fontsize": 8}
-    body.legend(handles, labels, ncols=columns, **style)
+    ncols = min(columns, 3 * picture.paper_columns() - 2) if picture.for_paper() else columns
+    body.legend(handles, labels, ncols=ncols, **style)
     return picture.save(figure, path)

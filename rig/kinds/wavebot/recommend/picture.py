@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from scipy.interpolate import RectBivariateSpline
 
 from rig.kinds.wavebot.campaign.stability import largest_ki
@@ -59,6 +60,7 @@ def write_surfaces(recommendation: Recommendation, path: Path) -> Path:
         axes.set_title(label, fontsize=9, loc="left")
         axes.set_xlabel("Kp, N s/m", fontsize=8)
         picture.style_axes(axes)
+        axes.xaxis.set_major_locator(MaxNLocator(5))
     panels[0].set_ylabel("Ki, N/m", fontsize=8)
     return picture.save(figure, path)
 

@@ -10,13 +10,13 @@ OMITTED = "..."
 VARYING = (
     ("run", r"\b20\d{6}T\d{6}Z"),  # beginning of a run's name
     ("date and time", r"\b20\d\d-\d\d-\d\d([ T]\d\d:\d\d(:\d\d)?( UTC|Z)?)?\b"),
+    ("address", r"127\.0\.0\.1:\d+"),
     ("version", r"\b\d+\.\d+\.\d+(\.dev\d+)?( \([0-9a-f]{12}(, with local changes)?\))?"),
     ("digest", r"(?<![0-9A-Za-z])[0-9a-f]{12,64}(?![0-9A-Za-z])"),
     ("host", r"(?<=^host     )\S+"),
     ("pace", r"\b[\d.,]+ (x|times) real time"),
     ("seconds that a command took", r"\b(in|took|after|left at) \d[\d.:]* (s|ms|min)\b"),
     ("lateness", r"\b(p50|p99|max) \d+"),
-    ("address", r"127\.0\.0\.1:\d+"),
     ("process", r"\bprocess \d+"),
     ("size", r"\b[\d.]+ [kMG]B\b"),
 )

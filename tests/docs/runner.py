@@ -156,7 +156,9 @@ class PageRun:
     def _start(self, text: str) -> None:
         with (self.folder / f".background_{len(self._background)}").open("wb") as log:
             process = subprocess.Popen(
-                ["bash", "-c", text], cwd=self._where, env=environment(), start_new_session=True,
+                # Ctrl-C must end it, also where a shell in the background has started the tests.
+                ["env", "--default-signal=INT", "bash", "-c", text],
+                cwd=self._where, env=environment(), start_new_session=True,
                 stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
             )  # fmt: skip
         self._background.append(process)

@@ -190,6 +190,8 @@ def test_pictures_are_those_of_the_commands(tmp_path: Path) -> None:
         ("a\n...\na", "a", False),
         ("run 20261127T071038Z_quick", "run 20200101T000000Z_quick", True),
         ("run 20261127T071038Z_quick", "run 20200101T000000Z_slow", False),
+        ("sweeps/a_0d9ab377d479/sweep.nc", "sweeps/a_e53c709d0989/sweep.nc", True),
+        ("page  http://127.0.0.1:8765/", "page  http://127.0.0.1:43641/", True),
         ("power -84.6 W", "power -84.7 W", False),
         ("37.0 x real time", "9 x real time", True),
     ],

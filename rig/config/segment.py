@@ -36,7 +36,7 @@ class ProcessValue(FileModel):
     name: str = ""  # empty: a gap
     object: Object = 0
     sub: Sub = 0  # of the first
-    type: ValueType  # of the number
+    type: ValueType  # with its number of bits
     count: WholeNumber = Field(default=1, ge=1, le=256)  # their mean is the value
     invalid_mask: Unsigned32 = 0  # bits of a status: with one of them the slave's inputs are wrong
 
@@ -59,7 +59,7 @@ class ObjectSetting(FileModel):
 
     object: Object
     sub: Sub
-    type: ObjectType  # of the number
+    type: ObjectType  # with its number of bits
     value: WholeNumber = Field(ge=-(2**31), le=2**32 - 1)  # that is written
 
     def check_rules(self) -> Iterator[RuleViolation]:
@@ -74,10 +74,11 @@ class ObjectSetting(FileModel):
 class SlaveDevice(FileModel):
     """Identity, process data and settings of a slave; a file of `configs/devices`."""
 
-    title: str = Field(min_length=1)
+    title: str = Field(min_length=1)  # name for people
     type: Literal["coupler", "terminal", "torque drive", "position drive", "drive"]
-    vendor: Unsigned32  # identity that the slave must report
-    product: Unsigned32  # identity that the slave must report
+    """`drive` is either of the two drives."""
+    vendor: Unsigned32  # vendor number (0x1018:01)
+    product: Unsigned32  # product code (0x1018:02)
     revision: Unsigned32 | None = None  # None: any
     mailbox: bool  # CoE: it has objects
     sync0: bool = False  # it works with SYNC0 only
@@ -86,6 +87,7 @@ class SlaveDevice(FileModel):
     outputs: tuple[Pdo, ...] = Field(default=(), strict=False)  # in the order of 0x1C12
     inputs: tuple[Pdo, ...] = Field(default=(), strict=False)  # in the order of 0x1C13
     objects: tuple[ObjectSetting, ...] = Field(default=(), strict=False)
+    """Written and read back before a run."""
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that names are unique, and that what has no mailbox has nothing to set."""
@@ -112,14 +114,14 @@ class SlaveDevice(FileModel):
 class Slave(FileModel):
     """A slave of the line; identity here replaces that of its device file."""
 
-    name: str = Field(min_length=1, max_length=32)  # of the slave in the rig file
-    device: SlaveDevice
-    vendor: Unsigned32 | None = None  # identity that the slave must report
-    product: Unsigned32 | None = None  # identity that the slave must report
-    revision: Unsigned32 | None = None  # identity that the slave must report
+    name: str = Field(min_length=1, max_length=32)  # of the slave, in messages and in `slave` keys
+    device: SlaveDevice  # device file by name or path, or a slave of an ESI file: FILE.xml#TYPE
+    vendor: Unsigned32 | None = None  # replaces that of the device file
+    product: Unsigned32 | None = None  # replaces that of the device file
+    revision: Unsigned32 | None = None  # replaces that of the device file
     objects: tuple[ObjectSetting, ...] = Field(default=(), strict=False)  # besides its device's
-    # whether it works with SYNC0, a pulse in each cycle of the segment's clock; None: if it must
     sync0: bool | None = None
+    """Whether it works with SYNC0, a pulse in each cycle of the clock; none: if it must."""
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that a slave which needs SYNC0 has it, and that what has objects has a mailbox."""
@@ -152,8 +154,8 @@ class Segment(FileModel):
     line: TupleOf[Slave] = Field(min_length=1, max_length=256)
     watchdog_ms: float = Field(ge=1, le=6000)  # without frames for longer, outputs fall
     lost_ms: float = Field(ge=2, le=5000)  # inputs of this age mean a lost segment
-    # distributed: the loop follows the clock of the first slave that has one
     clock: Literal["free run", "distributed"] = "free run"
+    """`distributed`: the loop follows the clock of the first slave that has one."""
     frame_at: float = Field(default=0.5, ge=0, le=0.9)  # of a cycle of that clock, before SYNC0
     actuator_divider: WholeNumber = Field(default=10, ge=1, le=240)  # ticks between two commands
 
@@ -206,20 +208,20 @@ class OtherValue(FileModel):
 
     slave: str  # of the line
     value: str  # of its device
-    scale: float = Field(ge=-1e9, le=1e9)  # factor to SI units
+    scale: float = Field(ge=-1e9, le=1e9)  # per unit of the process data
 
 
 class TerminalValue(FileModel):
     """A value of a rig that a terminal has: ``scale`` times that of the process data, + offset."""
 
-    name: str  # of the value
+    name: str  # as the rig names the value
     slave: str  # of the line
     value: str  # of its device
-    scale: float = Field(default=1.0, ge=-1e9, le=1e9)  # factor to SI units
-    offset: float = Field(default=0.0, ge=-1e12, le=1e12)  # added after scaling
+    scale: float = Field(default=1.0, ge=-1e9, le=1e9)  # value per unit of the process data
+    offset: float = Field(default=0.0, ge=-1e12, le=1e12)  # added to the scaled value
     plus: OtherValue | None = None  # e.g. a load cell that pulls the other way, with a scale < 0
     low: float = Field(default=-1e12, ge=-1e12, le=1e12)  # a value outside low .. high is invalid
-    high: float = Field(default=1e12, ge=-1e12, le=1e12)  # upper end of the valid range
+    high: float = Field(default=1e12, ge=-1e12, le=1e12)  # greatest valid value
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the scale is not 0 and that the range is not empty."""

@@ -39,10 +39,11 @@ Divider = Annotated[WholeNumber, Field(ge=1, le=240)]
 class CanBus(FileModel):
     """A CAN bus; interface names and options are python-can's."""
 
-    interface: str = Field(min_length=1)  # name in python-can
-    channel: str = Field(min_length=1)  # name in python-can
+    interface: str = Field(min_length=1)  # python-can's name: socketcan, socketcand, pcan, ...
+    channel: str = Field(min_length=1)  # as python-can names it: can0, PCAN_USBBUS1, ...
     bit_rate: WholeNumber = Field(ge=10_000, le=1_000_000)  # of the bus, bit/s
-    options: dict[str, Any] = Field(default_factory=dict)  # further options of python-can
+    options: dict[str, Any] = Field(default_factory=dict)
+    """Further arguments of python-can, unchanged."""
     own_node: Node  # of this computer, for its heartbeat
     heartbeat_s: float = Field(ge=0.005, le=1)  # between our heartbeats, sent from the tick
     slow_divider: Divider  # SYNCs between mode display and error code of a drive
@@ -58,7 +59,7 @@ class Deadlines(FileModel):
     """Maximum times of a drive's state transitions (CiA 402)."""
 
     transition_s: float = Field(gt=0, le=10)  # any single transition
-    boot_s: float = Field(gt=0, le=60)  # from power on to the first answer
+    boot_s: float = Field(gt=0, le=60)  # from power-on or reset until the drive answers
     ramp_s: float = Field(gt=0, le=60)  # a complete quick stop or fault reaction
     stale_s: float = Field(gt=0, le=5)  # age at which a statusword becomes invalid
 
@@ -86,7 +87,7 @@ class Drive(FileModel, ABC):
     """Time without our heartbeat after which the drive stops."""
     heartbeat_ms: Annotated[WholeNumber, Field(ge=10, le=65_535)] | None = None  # of the drive
     slave_type: ClassVar[str]  # of its slave on a segment
-    deadlines: Deadlines
+    deadlines: Deadlines  # time limits of state changes
     follows: bool  # statusword bit 12 reports that the drive follows a cyclic command
     mode_first: bool  # 0x6061 shows the mode before the drive is enabled
     objects: dict[str, WholeNumber | None]  # by name; null: the drive does not have the object
@@ -120,9 +121,10 @@ class TorqueDrive(Drive):
     slave_type: ClassVar[str] = TORQUE_DRIVE
 
     scaling: Literal["amc", "rated_torque", "rated_current"]
+    """Units of torque and current in process data."""
     current_limit_a: float = Field(gt=0, le=500)  # clips the command, in addition to all limits
-    # Load cells and sensors on the drive's analog inputs: SI unit per volt.
     analog_per_v: tuple[float, ...] = Field(default=(), max_length=4, strict=False)
+    """SI unit per volt of each analog input, to which load cells and sensors may be wired."""
     analog_v_per_count: float = Field(default=1.0 / 819.2, gt=0, le=1)  # AMC: 819.2 counts a volt
 
     def check_rules(self) -> Iterator[RuleViolation]:
@@ -147,16 +149,18 @@ class Actuator(Drive):
     description: ClassVar[str] = "actuator: profile position, homing"
     slave_type: ClassVar[str] = POSITION_DRIVE
 
-    counts_per_percent: float = Field(ge=-1e7, le=1e7)  # of the actuator's position
+    counts_per_percent: float = Field(ge=-1e7, le=1e7)
+    """Increments of the drive per percent of the travel."""
     zero_counts: Int32  # position at 0 %
-    low_percent: float = Field(ge=-100, le=100)  # lower end of the travel
-    high_percent: float = Field(ge=-100, le=100)  # upper end of the travel
+    low_percent: float = Field(ge=-100, le=100)  # lowest position
+    high_percent: float = Field(ge=-100, le=100)  # highest position
     velocity: WholeNumber = Field(ge=1, le=2**32 - 1)  # 0x6081, in the drive's unit
-    window_counts: WholeNumber = Field(ge=0, le=2**32 - 1)
+    window_counts: WholeNumber = Field(ge=0, le=2**32 - 1)  # around the goal: arrived
     stand_s: float = Field(ge=0, le=10)
-    move_s: float = Field(gt=0, le=600)
+    """Time at the goal, within the window, until the move has ended."""
+    move_s: float = Field(gt=0, le=600)  # timeout of a move
     homing: bool  # home before every run
-    homing_s: float = Field(default=120, gt=0, le=600)
+    homing_s: float = Field(default=120, gt=0, le=600)  # timeout of homing
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check the objects, that the scale is not 0 and the low limit below the high limit."""
@@ -187,7 +191,7 @@ class UdpDevice(FileModel):
     protocol: ClassVar[str] = "UDP"
 
     host: str = Field(min_length=1)  # numeric address: resolving a name could block
-    port: WholeNumber = Field(ge=1, le=65_535)
+    port: WholeNumber = Field(ge=1, le=65_535)  # of UDP
 
 
 class LoadCell(UdpDevice):
@@ -196,35 +200,37 @@ class LoadCell(UdpDevice):
     description: ClassVar[str] = "ATI Net F/T"
     protocol: ClassVar[str] = "RDT over UDP"
 
-    counts_per_force: float = Field(gt=0, le=1e9)  # of the sensor, per unit of force
-    counts_per_torque: float = Field(gt=0, le=1e9)  # of the sensor, per unit of torque
-    force_unit: Literal["lbf", "N", "klbf", "kN", "kgf", "gf"]  # of its calibration
-    torque_unit: Literal["lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm", "kN-m"]  # of its calibration
+    counts_per_force: float = Field(gt=0, le=1e9)  # of the sensor's calibration
+    counts_per_torque: float = Field(gt=0, le=1e9)  # of the sensor's calibration
+    force_unit: Literal["lbf", "N", "klbf", "kN", "kgf", "gf"]  # of counts_per_force
+    torque_unit: Literal["lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm", "kN-m"]
+    """Of counts_per_torque."""
     model: Literal["net_ft", "axia"]  # defines the meaning of the status bits
     rate_hz: float = Field(ge=0, le=100_000)  # of its sample counter; 0: unknown
     turned_over: bool  # mounted upside down: y and z change sign
-    quiet_s: float = Field(gt=0, le=5)
-    silence_s: float = Field(gt=0, le=5)
+    quiet_s: float = Field(gt=0, le=5)  # without samples: the box gets a new request
+    silence_s: float = Field(gt=0, le=5)  # without samples: the cell counts as silent
 
 
 class TcpLine(FileModel):
     """A Modbus/TCP server."""
 
-    kind: Literal["tcp"]
-    host: str = Field(min_length=1)  # address
+    kind: Literal["tcp"]  # Modbus/TCP
+    host: str = Field(min_length=1)  # name or address of the server or gateway
     port: WholeNumber = Field(ge=1, le=65_535)  # of TCP
-    timeout_s: float = Field(gt=0, le=10)  # of a request
+    timeout_s: float = Field(gt=0, le=10)  # of each answer
 
 
 class RtuLine(FileModel):
     """A serial line with Modbus RTU."""
 
-    kind: Literal["rtu"]
-    port: str = Field(min_length=1)  # path of the serial port
+    kind: Literal["rtu"]  # Modbus RTU
+    port: str = Field(min_length=1)
+    """Path under /dev/serial/by-id, which always names the same adapter."""
     baud: WholeNumber = Field(ge=1200, le=4_000_000)  # bit rate, 1/s
     parity: Literal["N", "E", "O"]  # none, even or odd
-    stop_bits: Literal[1, 2]  # of a character
-    timeout_s: float = Field(gt=0, le=10)  # of a request
+    stop_bits: Literal[1, 2]  # of each character
+    timeout_s: float = Field(gt=0, le=10)  # of each answer
     slowest_s: float = Field(gt=0, le=10)  # time within which the slowest unit has always answered
 
 
@@ -234,12 +240,13 @@ AnyLine = Annotated[TcpLine | RtuLine, Field(discriminator="kind")]
 class RegisterValue(FileModel):
     """One value in a block of registers."""
 
-    name: str  # of the value
+    name: str  # as the rig names the value
     at: WholeNumber = Field(ge=0, le=2000)  # place in the block, from 0
-    kind: Literal["bit", "u16", "i16", "u32", "i32", "f32"]  # type of the number
-    scale: float = Field(default=1.0, ge=-1e9, le=1e9)  # factor to SI units
+    kind: Literal["bit", "u16", "i16", "u32", "i32", "f32"]
+    """Type: bit, integer (u, i) or floating point (f) with its bits."""
+    scale: float = Field(default=1.0, ge=-1e9, le=1e9)  # value per unit of the register
     low: float = Field(default=-1e12, ge=-1e12, le=1e12)  # a value outside low .. high is invalid
-    high: float = Field(default=1e12, ge=-1e12, le=1e12)  # upper end of the valid range
+    high: float = Field(default=1e12, ge=-1e12, le=1e12)  # greatest valid value
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that the scale is not 0 and that the range is not empty."""
@@ -258,7 +265,7 @@ class RegisterSetup(FileModel):
     first: WholeNumber = Field(ge=0, le=65_535)  # address
     value: WholeNumber = Field(ge=0, le=65_535)  # of the register
     read_back: bool = True  # check that the register reads as written
-    write: bool = True  # false: only compare
+    write: bool = True  # false: the register must already have the value
 
     @model_validator(mode="after")
     def _reads_or_writes(self) -> Self:
@@ -270,13 +277,13 @@ class RegisterSetup(FileModel):
 class Registers(FileModel):
     """A block of registers of one unit, with the values that are polled or written there."""
 
-    line: str  # name of its line
+    line: str  # name in `lines`
     unit: WholeNumber = Field(ge=0, le=247)  # address of the unit
-    table: Literal["coil", "discrete", "input", "holding"]  # of the unit
+    table: Literal["coil", "discrete", "input", "holding"]  # Modbus table of the block
     first: WholeNumber = Field(ge=0, le=65_535)  # address of the first register
     size: WholeNumber = Field(ge=1, le=2000)  # number of registers
-    word_order: Literal["high first", "low first"]  # of values of two registers
-    period_s: Period  # between requests
+    word_order: Literal["high first", "low first"]  # order of the registers of a 32-bit value
+    period_s: Period  # between two requests
     # Register of the same table in which the unit counts its updates, if it has one: values with
     # an unchanged count are not new.
     counter: WholeNumber | None = Field(default=None, ge=0, le=65_535)
@@ -365,7 +372,7 @@ class Wiring(FileModel):
     A field is a part, or a mapping of parts by their names.
     """
 
-    lines: dict[str, AnyLine] = Field(default_factory=dict)
+    lines: dict[str, AnyLine] = Field(default_factory=dict)  # Modbus lines by name, TCP or RTU
     output_expiry_s: float = Field(default=0.25, ge=0.05, le=10)  # age of an output's command
 
     def check_rules(self) -> Iterator[RuleViolation]:

@@ -184,16 +184,16 @@ class Cogging(StrictModel):
 class Hydraulic(StrictModel):
     """Oil between axis and generator: cylinder, check valves, accumulator, hydraulic motor."""
 
-    area_m2: Area
-    displacement_m3_per_rad: Displacement
+    area_m2: Area  # of the cylinder's piston
+    displacement_m3_per_rad: Displacement  # of the hydraulic motor
     low_pressure_pa: Pressure = 5.0e5  # of the return line
     precharge_pa: Pressure  # of the accumulator's gas
     volume_m3: Volume  # of the gas without oil
     relief_pa: Pressure | None = None  # at which the relief valve opens; without: 4 precharges
     start_pressure_pa: Pressure | None = None  # without: the precharge
     exponent: Exponent = 1.4  # of the gas
-    leakage_m3_per_s_pa: Leakage = 0.0
-    inertia_kg_m2: MotorInertia
+    leakage_m3_per_s_pa: Leakage = 0.0  # between the two lines, per pressure difference
+    inertia_kg_m2: MotorInertia  # of hydraulic motor and generator
     viscous_n_m_s_per_rad: MotorDamping = 0.0  # friction of the hydraulic motor
     valve_velocity_m_per_s: Speed = 0.01  # speed within which the check valves change over
 

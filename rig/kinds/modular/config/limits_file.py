@@ -35,5 +35,5 @@ AnyAxisLimits = Annotated[TranslationLimits | RotationLimits, Field(discriminato
 class LimitsFile(FileModel):
     """All limits of a modular rig, besides those of its sensors, which are in the rig file."""
 
-    axes: dict[str, AnyAxisLimits] = Field(min_length=1)
+    axes: dict[str, AnyAxisLimits] = Field(min_length=1)  # by the names of the rig file
     loop: LoopLimits

@@ -37,7 +37,7 @@ class Rotation(RotaryAxis):
     """A powered axis that rotates."""
 
     motion: Literal["rotation"]
-    law: str | dict[str, Any] = "impedance"
+    law: str | dict[str, Any] = "impedance"  # of campaigns without one; checked with them
     stop_damping_n_m_s_per_rad: float = Field(gt=0, le=1e6)  # during a controlled stop
     force_sensor: str | None = None  # sensor (N*m) between drive and body
 
@@ -93,6 +93,7 @@ class RigFile(PowerRigFile):
     kind: Literal["modular"]
     rate_hz: Rate
     axes: dict[str, AnyAxis] = Field(min_length=1, max_length=MAX_AXES)
+    """Powered axes by name; laws, limits and log fields use the name."""
     sensors: dict[str, Sensor] = Field(default={}, max_length=MAX_SENSORS)
     stations: dict[str, PowerStation] = Field(default={}, max_length=20)
     stop: StopTiming

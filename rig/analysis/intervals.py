@@ -4,7 +4,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 Floats = NDArray[np.float64]
 CONFIDENCE = 0.95
@@ -17,7 +16,7 @@ def half_width(error: float, dof: float) -> float:
     """Return the half width of Student's interval; NaN without a degree of freedom."""
     if not dof > 0.0:
         return float("nan")
-    return float(stdtrit(dof, _SHARE) * error)
+    return _student_factor(dof) * error
 
 
 def combined_half_width(
@@ -46,7 +45,14 @@ def combined_half_width(
         return half
     variance = float(contributions @ contributions) + error * error
     freedom = dof * (variance / (error * error)) ** 2
-    return half * float(stdtrit(freedom, _SHARE)) / float(stdtrit(np.inf, _SHARE))
+    return half * _student_factor(freedom) / _student_factor(np.inf)
+
+
+def _student_factor(dof: float) -> float:
+    """Return the half width of Student's interval over the standard error."""
+    from scipy.special import stdtrit  # noqa: PLC0415  (half a second, and a check needs none)
+
+    return float(stdtrit(dof, _SHARE))
 
 
 @lru_cache(maxsize=4)

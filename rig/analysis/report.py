@@ -241,9 +241,8 @@ def _pictures(table: xarray.Dataset) -> list[Write]:
 def _picture_of_choices(table: xarray.Dataset, run_facts: RunInfo) -> Iterator[Write]:
     """Yield the function that draws the choices of an adaptive campaign."""
     choices, adaptive = choices_of(run_facts), run_facts.plan.get(ADAPTIVE, {})
-    if not (table["state"].values == COMPLETE).any() or not choices:
+    if not choices or not (table["state"].values == COMPLETE).any():
         return
-
     write = partial(write_choices, choices, adaptive["station"], adaptive["precision_w"])
     yield partial(_draw, write, table, "choices.png")
 

@@ -36,6 +36,7 @@ _PHASE_COLOURS = {  # pale enough for the lines, different enough to be distingu
     Phase.DONE: "#e0e0e0",
     Phase.STANDBY: "#c4c9cf",
     Phase.MANUAL: "#b9c9f2",
+    Phase.CHOICE: "#a5d8d3",
 }
 
 

@@ -125,7 +125,8 @@ def test_pictures_and_reports_have_the_station(run: Path, tmp_path: Path) -> Non
     figure.draw_without_rendering()
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert [text for text in labels if text.endswith(", W")] == [
-        "mechanical, W", "spring, W", "electrical AC, W", "electrical DC, W",
+        "mechanical, W", "mechanical (shaft), W", "spring, W", "electrical AC, W",
+        "electrical DC, W",
     ]  # fmt: skip
     assert "magnetic_spring" in {optimum.station.name for optimum in find_optima(table)}
     assert "magnetic spring (slew ring)" in (run / "summary.txt").read_text()

@@ -1,8 +1,10 @@
 """The pictures and tables that the analysis of a run has written into its folder."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from rig.api.named_values import NamedValues
 
 if TYPE_CHECKING:
     import pandas
@@ -26,7 +28,7 @@ class Picture:
         return self.path.read_bytes()
 
 
-class Pictures(Mapping[str, Picture]):
+class Pictures(NamedValues[Picture]):
     """The pictures (PNG) in the folder of a run by name, also as attributes."""
 
     def __init__(self, folder: Path) -> None:
@@ -39,22 +41,11 @@ class Pictures(Mapping[str, Picture]):
             raise KeyError(f"{self._folder}: no picture {name}; there are: {listed}")
         return self._found[name]
 
-    def __getattr__(self, name: str) -> Picture:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        try:
-            return self[name]
-        except KeyError as error:
-            raise AttributeError(error.args[0]) from None
-
     def __iter__(self) -> Iterator[str]:
         return iter(self._found)
 
     def __len__(self) -> int:
         return len(self._found)
-
-    def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self._found]
 
     def __repr__(self) -> str:
         return f"<pictures: {', '.join(self._found) or 'none'}>"

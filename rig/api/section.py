@@ -6,11 +6,13 @@ from difflib import get_close_matches
 from html import escape
 from typing import Any
 
+from rig.api.named_values import NamedValues
+
 _MAX_LINES = 60  # of a representation
 _MAX_ITEMS = 8  # of a list in one line
 
 
-class Section(Mapping[str, Any]):
+class Section(NamedValues[Any]):
     """A part of a configuration or of a result, such as `run.config.rig.heave`.
 
     Values are read as attributes (`section.rate_hz`) or by key (`section["rate_hz"]`); parts of it
@@ -31,22 +33,11 @@ class Section(Mapping[str, Any]):
             raise KeyError(self._unknown(key))
         return _wrapped(self._values[key], f"{self._name}.{key}")
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):  # pickling and copying ask before there are values
-            raise AttributeError(name)
-        try:
-            return self[name]
-        except KeyError as error:
-            raise AttributeError(error.args[0]) from None
-
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
 
     def __len__(self) -> int:
         return len(self._values)
-
-    def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *(key for key in self._values if key.isidentifier())]
 
     def __repr__(self) -> str:
         lines = [f"<{self._name}>", *_lines(self._values)]

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 
-from .rewriting import DOCS, all_pages, path_of, rewritten_pages
+from .page_files import DOCS, all_pages, path_of
 
 RULES = DOCS / "style" / "prose.yaml"
 BEFORE = DOCS / "style" / "before.json"
@@ -214,7 +214,7 @@ def _print_report(found: dict[str, dict[str, float]]) -> None:
 def main(arguments: list[str]) -> int:
     """Lint pages, or report their figures; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m tests.docs.prose", description=__doc__)
-    parser.add_argument("pages", nargs="*", help="of docs/, or README.md; default: all rewritten")
+    parser.add_argument("pages", nargs="*", help="of docs/, or README.md; default: all")
     parser.add_argument("--report", action="store_true", help="print figures, before and after")
     parser.add_argument("--store", type=Path, help="write the figures of all pages as JSON")
     options = parser.parse_args(arguments)
@@ -229,7 +229,7 @@ def main(arguments: list[str]) -> int:
         return 0
     found = [
         f"{path_of(page).relative_to(DOCS.parent)}:{each.line}: {each.text}"
-        for page in named or rewritten_pages()
+        for page in named or all_pages()
         for each in lint(path_of(page).read_text())
     ]
     print("\n".join(found) or "prose: no findings")

@@ -10,8 +10,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from .page_files import path_of
 from .pictures import pictures, store
-from .rewriting import path_of
 from .runner import PageRun
 
 

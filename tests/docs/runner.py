@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from .blocks import RUN, Block, Command, blocks, commands
 from .output import difference, last_states, matches
+from .page_files import ROOT
 from .pictures import pictures, source_of
-from .rewriting import ROOT
 
 TIMEOUT_S = 1200.0  # of a command; a busy host runs a campaign a tenth as fast
 _STATE = ".page_state"  # of the shell: folder and exit code after a command

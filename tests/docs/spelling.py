@@ -7,8 +7,8 @@ from functools import cache
 
 from spellchecker import SpellChecker
 
+from .page_files import DOCS
 from .prose import Finding, texts
-from .rewriting import DOCS
 
 OWN_TERMS = DOCS / "style" / "words.txt"
 # The dictionary is American, the pages are British.

@@ -13,11 +13,11 @@ from PIL import Image
 
 from tests.docs.blocks import LANGUAGES, blocks, commands
 from tests.docs.output import matches, normalise
+from tests.docs.page_files import ROOT, all_pages, path_of
 from tests.docs.refresh import refresh
-from tests.docs.rewriting import NOT_REWRITTEN, ROOT, all_pages, path_of, rewritten_pages
 from tests.docs.runner import PageRun
 
-NOT_RUN = 5  # blocks of rewritten pages that cannot run here, each with its reason in the page
+NOT_RUN = 5  # blocks of pages that cannot run here, each with its reason in the page
 
 
 REAL_CLOCK = re.compile(r"^\$ .*rig .*(--realtime|--sim\b|faults .*--only|doctor)", re.MULTILINE)
@@ -32,22 +32,17 @@ def _with_marks(page: str) -> ParameterSet:
 
 @pytest.mark.slow
 @pytest.mark.timeout(2400)
-@pytest.mark.parametrize("page", [_with_marks(page) for page in rewritten_pages()])
+@pytest.mark.parametrize("page", [_with_marks(page) for page in all_pages()])
 def test_the_blocks_of_a_page_run_as_shown(page: str, tmp_path: Path) -> None:
     findings = PageRun(path_of(page).read_text(), tmp_path).run()
     shutil.rmtree(tmp_path)  # a run of a campaign has hundreds of megabytes
     assert not findings, "\n\n".join(f"{page}:{each.line}: {each.text}" for each in findings)
 
 
-def test_pages_not_yet_rewritten_exist() -> None:
-    """A page that is gone or renamed leaves the list, too."""
-    assert set(all_pages()) >= NOT_REWRITTEN
-
-
 def test_blocks_that_cannot_run_are_counted() -> None:
     reasons = [
         f"{page}:{block.line}: {block.not_run}"
-        for page in rewritten_pages()
+        for page in all_pages()
         for block in blocks(path_of(page).read_text())
         if block.not_run
     ]
@@ -55,7 +50,7 @@ def test_blocks_that_cannot_run_are_counted() -> None:
     assert len(reasons) == NOT_RUN, "\n".join(reasons)
 
 
-@pytest.mark.parametrize("page", rewritten_pages())
+@pytest.mark.parametrize("page", all_pages())
 def test_blocks_have_a_known_language(page: str) -> None:
     found = [
         f"{block.line}: {block.language!r}"
@@ -215,5 +210,4 @@ def test_commands_may_have_several_lines() -> None:
 
 
 def test_readme_is_short() -> None:
-    if "README.md" not in NOT_REWRITTEN:
-        assert len((ROOT / "README.md").read_text().splitlines()) <= 150
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 150

@@ -1,4 +1,4 @@
-"""Prose of rewritten pages follows docs/style/prose.yaml; the linter finds each violation."""
+"""Prose of all pages follows docs/style/prose.yaml; the linter finds each violation."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import sys
 import pytest
 
 from tests.docs import prose, spelling
-from tests.docs.rewriting import DOCS, ROOT, all_pages, path_of, rewritten_pages
+from tests.docs.page_files import DOCS, ROOT, all_pages, path_of
 
 
-@pytest.mark.parametrize("page", rewritten_pages())
-def test_a_rewritten_page_follows_the_rules(page: str) -> None:
+@pytest.mark.parametrize("page", all_pages())
+def test_a_page_follows_the_rules(page: str) -> None:
     assert prose.lint(path_of(page).read_text()) == []
 
 

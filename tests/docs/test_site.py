@@ -21,7 +21,7 @@ from rig.config.sea import JonswapSea
 from rig.kinds import registry
 from rig.realtime.reasons import NO_REASON
 from rig.recording.row_layout import leaves
-from tests.docs.rewriting import ROOT
+from tests.docs.page_files import ROOT
 
 LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("source", "src"), ("video", "src")}
 

@@ -72,11 +72,11 @@ def find_rehearsed_faults(runs: Path, config: Mapping[str, Any]) -> RehearsedFau
     A rig is the same if its kind and the devices on its wires are; other values are named as
     differences. Files that are damaged, were changed or have no fault are passed over.
     """
+    parts = _parts(config)
     for path in sorted(runs.glob(f"*/{FAULTS}"), reverse=True):
         content = hashed_json.read(path)
         if content is None or content.get("faults_file") != _VERSION or not content["faults"]:
             continue
-        parts = _parts(config)
         if (content["kind"], content["devices"]) != (parts["kind"], parts["devices"]):
             continue
         found = key_differences(content["values"], parts["values"])

@@ -178,11 +178,12 @@ class CampaignRun:
     def _run_one(self, plan: Any, record: Mapping[str, Any], resumed: Path | None) -> RunResult:
         opened, options, sea = self._opened, self._options, ""
         tasks, display, checked = opened.tasks, opened.display, opened.report.checked
+        mode = self._mode
         assert checked is not None
-        if (campaign := opened.campaign) is not None:
-            checked = campaign._replace(seed=plan.seed)
-            sea = f", seed {plan.seed}" if len(campaign.file.seeds) > 1 else ""
-        mode = _execution_mode(tasks, checked, options)._replace(interpreted=options.interpreted)
+        if (campaign := opened.campaign) is not None and len(campaign.file.seeds) > 1:
+            checked, sea = campaign._replace(seed=plan.seed), f", seed {plan.seed}"
+            mode = _execution_mode(tasks, checked, options)
+        mode = mode._replace(interpreted=options.interpreted)
         title = f"{checked.file.name} on {checked.rig.name}{sea}"
         with (  # a page shows one stage
             _page_of_run(

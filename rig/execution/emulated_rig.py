@@ -5,29 +5,24 @@ switched on by their control port (`rig.emulation.control`).
 """
 
 import difflib
-import os
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.wiring import WiringError
+from rig.config.wiring import wiring_of
 from rig.emulation.control_client import ControlClient
 from rig.execution.fault_table import Motion
 from rig.execution.task import RunResult, View, run_task
 from rig.kinds.interface import Tasks
 from rig.kinds.registry import RigKind
-from rig.processes import handover
-from rig.processes.child import Child
-from rig.processes.io_processes import IoProcess, IoProcessError
-from rig.processes.messages import IoJob, Ready
+from rig.processes.io_processes import IoProcess, IoProcesses
 from rig.processes.run_types import Task
 from rig.realtime.sequence import MEASURE
 from rig.recording.row_layout import leaves
 
 _START_TIMEOUT_S = 120.0  # the plant is compiled first, on a busy host
-_POLL_INTERVAL_S = 0.02
+_NAME = "emulation"  # of the process: not that of the devices of a single run
 _END_TIMEOUT_S = 5.0
 
 
@@ -45,7 +40,6 @@ class EmulatedRig(NamedTuple):
     short: CheckedTask
     long: CheckedTask  # for faults whose detection is slow
     control: ControlClient
-    devices: Child
     folder: Path  # of the runs
     motion: Motion | None = None
     interpreted: bool = False  # never run the tick compiled
@@ -81,14 +75,12 @@ class EmulatedRig(NamedTuple):
 def check_task(tasks: Tasks, path: Path, rig: Path | None = None) -> CheckedTask:
     """Return a campaign or session; ``rig`` replaces the rig that it names.
 
-    Raises ValueError with the problems of its files, WiringError if its wires must not be powered.
+    Raises ValueError with the problems of its files, WiringError if its rig has no wiring.
     """
     report = tasks.examine(path, rig)
     if report.checked is None or report.plan is None:
         raise ValueError(report.text())
-    if report.checked.rig.wiring is None:
-        raise WiringError(f"{report.checked.rig.name} has no wiring, so no devices can be emulated")
-    tasks.wired_mode(report.checked, emulated=True)
+    wiring_of(report.checked.rig)
     return CheckedTask(report.checked, report.plan)
 
 
@@ -102,8 +94,8 @@ def emulated_rig(
 ) -> Iterator[EmulatedRig]:
     """Run the emulated devices of a task while the context is open; runs are in ``folder``.
 
-    Raises IoProcessError with the reason if the devices do not start, ValueError if the log lacks
-    the field of ``motion``.
+    Raises WiringError if the wires must not be powered, IoProcessError with the reason if the
+    devices do not start, ValueError if the log lacks the field of ``motion``.
     """
     tasks: Tasks = kind.room("tasks")
     (emulator,) = (
@@ -111,8 +103,8 @@ def emulated_rig(
         for each in tasks.wired_mode(short.checked, emulated=True).io_processes
         if each.starts_first
     )
-    with running_devices(emulator, folder) as (control, devices):
-        rig = EmulatedRig(tasks, short, long or short, control, devices, folder, motion)
+    with running_devices(emulator, folder) as control:
+        rig = EmulatedRig(tasks, short, long or short, control, folder, motion)
         fields = [leaf.name for leaf in leaves(rig.task.kind.row_type)]
         if motion is not None and motion.field not in fields:
             similar = difflib.get_close_matches(motion.field, fields, 5, 0.3) or fields[:5]
@@ -124,30 +116,17 @@ def emulated_rig(
 
 
 @contextmanager
-def running_devices(emulator: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
-    """Run emulated devices while the context is open; yield their control port and process.
+def running_devices(emulator: IoProcess, folder: Path) -> Iterator[ControlClient]:
+    """Run emulated devices while the context is open; yield the client of their control port.
 
     Their standard error is `emulation.stderr` in ``folder``. Raises IoProcessError with the reason
     if they do not start.
     """
-    lifeline, parent_end = os.pipe()  # the devices end when this process dies
-    job = handover.dumps(IoJob(emulator.config, {}, lifeline))
-    devices = Child(emulator.module, job, (lifeline,), folder / "emulation.stderr")
+    process = emulator._replace(name=_NAME, ready_timeout_s=_START_TIMEOUT_S)
+    devices = IoProcesses((process,), folder)
     try:
-        with ControlClient(_address(devices)) as control:
-            yield control, devices
+        devices.start()
+        with ControlClient(str(devices.facts[_NAME]["control"])) as control:
+            yield control
     finally:
-        devices.process.terminate()
         devices.end(_END_TIMEOUT_S)
-        os.close(lifeline)
-        os.close(parent_end)
-
-
-def _address(devices: Child) -> str:
-    until = time.monotonic() + _START_TIMEOUT_S
-    while time.monotonic() < until and devices.alive():
-        for report in devices.read_reports():
-            if isinstance(report, Ready):
-                return str(report.facts["control"])
-        time.sleep(_POLL_INTERVAL_S)
-    raise IoProcessError(f"no emulated devices: {devices.last_message()}")

@@ -299,6 +299,6 @@ def test_a_result_text_ends_with_its_notes() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium")
 @pytest.mark.realtime  # a replay at 50 times its speed needs more than idle priority
-def test_page_and_browser_stay_flat_in_memory_over_an_hour_of_rows() -> None:
+def test_page_and_browser_stay_flat_in_memory_while_they_show_a_run() -> None:
     result = page_memory.measure(short=True)
     assert result.missed == (), format_table(result)

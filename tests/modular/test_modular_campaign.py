@@ -80,4 +80,9 @@ def test_new_rig_is_checked_rehearsed_and_replayed(dof: str, tmp_path: Path) -> 
         refused = rig_here(command, folder)
         assert (refused.returncode, refused.stdout) == (2, "")
         reason = f"{folder}: needs a run of kind wavebot; this one is modular"
+        if command == "recommend":
+            reason += (
+                "; on any rig with power stations, a campaign with `adaptive:` looks for the best "
+                "row itself: `rig copy adaptive` has an example"
+            )
         assert refused.stderr == f"rig {command}: {reason}\n"

@@ -42,7 +42,7 @@ def _record(folder: Path, seconds: float) -> Path:
 
 
 def measure(short: bool) -> Result:
-    """Replay an hour of a run at its own speed; in the short form half an hour, 50 times as fast."""
+    """Replay an hour of a run at its own speed; in the short form 30 min, 50 times as fast."""
     seconds, speed, samples = (1800.0, 50.0, 12) if short else (3600.0, 1.0, 60)
     page_mb, heap_mb, drawn = list[float](), list[float](), 0
     with tempfile.TemporaryDirectory() as scratch:
@@ -83,8 +83,8 @@ def measure(short: bool) -> Result:
         f"{seconds:g} s of a run at {speed:g} times its speed, {drawn} canvases, {samples} samples",
         figures,
         (
-            f"growth: median slope between samples times their span, after the first {full} samples, in "
-            f"which the traces of {TRACE_S:g} s fill",
+            "growth: median slope between samples times their span, after the first "
+            f"{full} samples, in which the traces of {TRACE_S:g} s fill",
         ),
     )
 

@@ -19,6 +19,7 @@ from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
 from rig.config.problems import number_ranges
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
+from rig.recording.provenance import code_text
 from rig.recording.runs.create import replace_text
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.state import RecordState
@@ -232,15 +233,6 @@ def sea_text(plan: dict[str, Any]) -> str:
     return ", ".join([str(sea.get("kind", "not recorded")), *parts])
 
 
-def _code_text(code: dict[str, Any]) -> str:
-    text = str(code.get("version") or "version not recorded")
-    if code.get("git"):
-        text += f" ({str(code['git'])[:12]}{', with local changes' if code.get('dirty') else ''})"
-    if code.get("python"):
-        text += f", Python {code['python']}"
-    return text
-
-
 def summarise(
     table: xarray.Dataset,
     run_facts: RunInfo,
@@ -268,7 +260,7 @@ def summarise(
         started_utc=phrases.format_utc(run_facts.started_utc) or "not recorded",
         ended_utc=phrases.format_utc(str(run_facts.status.get("ended_utc") or "not recorded")),
         resumed_utc=tuple(map(phrases.format_utc, run_facts.status.get("resumed_utc", ()))),
-        code=_code_text(run_facts.code),
+        code=code_text(run_facts.code),
         calibration=str(table.attrs.get("calibration", "")),
         ending=ending.title,
         reason=ending.reason,

@@ -9,7 +9,7 @@ import sys
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -129,6 +129,24 @@ app = typer.Typer(
 )
 
 
+def _print_version(value: bool) -> None:
+    if value:
+        from rig.recording.provenance import code_text, describe_code
+
+        print(f"wec-rig {code_text(describe_code())}")
+        raise typer.Exit
+
+
 @app.callback()
-def rig() -> None:
+def rig(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            help="Print version, commit and Python, and exit.",
+        ),
+    ] = False,
+) -> None:
     """Run wave-energy test rigs: campaigns, rehearsals, and the analysis of their results."""

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from rig.cli.input_files import find_run, run_folder
-from rig.cli.options import RUNS, Json, Run, Runs
+from rig.cli.options import RUNS, Json, PictureFormat, PictureStyle, Run, Runs
 from rig.cli.output import FAILED, input_errors, print_result
 from rig.config.problems import parse_number
 from rig.interop.basin.align import format_alignment
@@ -56,6 +56,8 @@ def command(
             min=0.1, max=10_000, help="Rate of the product, Hz (default: that of the fastest file)."
         ),
     ] = None,
+    style: PictureStyle = None,
+    picture_format: PictureFormat = None,
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:

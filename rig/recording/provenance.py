@@ -5,6 +5,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,16 @@ def describe_code() -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
     }
+
+
+def code_text(code: Mapping[str, Any]) -> str:
+    """Return version, commit and Python of `describe_code` or of a recorded run as text."""
+    text = str(code.get("version") or "version not recorded")
+    if code.get("git"):
+        text += f" ({str(code['git'])[:12]}{', with local changes' if code.get('dirty') else ''})"
+    if code.get("python"):
+        text += f", Python {code['python']}"
+    return text
 
 
 def describe_host() -> dict[str, Any]:

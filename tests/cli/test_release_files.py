@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import platform
+import re
 import tomllib
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from command_here import rig as command_here
 from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,6 +37,15 @@ def test_the_citation_names_this_version_and_licence() -> None:
     assert citation["version"] == PROJECT["version"]
     assert citation["license"] == PROJECT["license"]
     assert citation["repository-code"] == PROJECT["urls"]["Homepage"]
+
+
+def test_the_program_prints_its_version_commit_and_python() -> None:
+    done = command_here("--version")
+    assert done.returncode == 0, done.stderr
+    expected = (
+        rf"wec-rig {re.escape(PROJECT['version'])}( \([0-9a-f]{{12}}(, with local changes)?\))?, "
+    )
+    assert re.fullmatch(expected + re.escape(f"Python {platform.python_version()}\n"), done.stdout)
 
 
 def test_every_dependency_has_an_allowed_licence(

@@ -15,7 +15,7 @@ from rig.analysis.rows import COMPLETE
 from rig.presentation import picture
 from rig.presentation.phrases import unit_text
 from rig.presentation.picture import ACCENT, MUTED
-from rig.sweeps.pictures import base_value, is_seed
+from rig.sweeps.pictures import base_value, is_seed, parameter_label
 from rig.sweeps.task import UNCERTAINTY, result_names
 
 _COLUMNS = 3  # of panels
@@ -55,13 +55,15 @@ def _write_results(
         heights.append(0.1 + 0.2 * math.ceil(len(places) / 2))  # of the legend
     own = base_value(table, key)
     notes = [
-        f"a colour for each value of {' and '.join(map(_short, others))}" if others else "",
+        f"a colour for each value of {' and '.join(_name(table, each) for each in others)}"
+        if others
+        else "",
         "" if own is None else "dotted: the value in the files",
     ]
     figure, body = picture.framed_figure(
         max(2, columns) * _PANEL[0],
         sum(heights),
-        f"{picture.campaign_name(table.attrs)}: results over {_short(key)}",
+        f"{picture.campaign_name(table.attrs)}: results over {_name(table, key)}",
         table.attrs,
         "bars: 95 % intervals",
         "; ".join(filter(None, notes)),
@@ -89,9 +91,11 @@ def _write_results(
             axes.plot(left_out, 0.03, "x", color=ACCENT, ms=5, transform=axes.get_xaxis_transform())
         if table[key].dtype.kind == "i":
             axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-        elif table[key].dtype.kind != "f":
+        elif table[key].dtype.kind == "f":
+            axes.xaxis.set_major_locator(MaxNLocator(5))
+        else:
             axes.set_xticks(x, [str(value) for value in table[key].values], fontsize=7)
-    _label_columns(panels, len(names), f"{_short(key)} {_bracketed(_unit(table[key]))}".rstrip())
+    _label_columns(panels, len(names), ", ".join(filter(None, parameter_label(table, key))))
     for each in lower:
         handles, labels = panels[0, 0].get_legend_handles_labels()
         each.legend(handles, labels, loc="center", ncols=2, frameon=False, fontsize=8)
@@ -150,23 +154,18 @@ def _left_out(table: xarray.Dataset) -> str:
 
 def _text(table: xarray.Dataset, place: Place) -> str:
     """Return the values of parameters at a place."""
-    values = ((key, table[key].values[index]) for key, index in place.items())
-    return ", ".join(
-        f"{_short(key)} {value:g} {_unit(table[key])}".rstrip()
-        if isinstance(value, int | float | np.number)
-        else f"{_short(key)} {value}"
-        for key, value in values
-    )
+    texts = []
+    for key, index in place.items():
+        value = table[key].values[index]
+        name, unit = parameter_label(table, key)
+        number = isinstance(value, int | float | np.number)
+        texts.append(f"{name} {value:g} {unit}".rstrip() if number else f"{name} {value}")
+    return ", ".join(texts)
 
 
-def _short(key: str) -> str:
-    """Return the key of a parameter without the `value` of a plant's entry."""
-    return key.removesuffix(".value")
+def _name(table: xarray.Dataset, key: str) -> str:
+    return parameter_label(table, key)[0]
 
 
 def _unit(values: xarray.DataArray) -> str:
     return unit_text(str(values.attrs.get("units", ""))).replace(" ", "·")
-
-
-def _bracketed(unit: str) -> str:
-    return f"({unit})" if unit else ""

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from scipy.interpolate import RectBivariateSpline
 
+from rig.analysis.panel import POWER_COLOURS
 from rig.kinds.wavebot.campaign.stability import largest_ki
 from rig.kinds.wavebot.recommend.recommendation import Recommendation
 from rig.kinds.wavebot.recommend.set_points import STATIONS, Gains, SetPointPrediction
@@ -100,7 +101,7 @@ def _draw_contours(axes: Axes, kp_axis: Any, ki_axis: Any, power: Any) -> None:
     # Contours are dense near the optimum, where a watt matters, and sparse far from it.
     levels = lowest + np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0])
     levels = np.unique([*levels[levels < float(np.nanmax(power))], float(np.nanmax(power))])
-    axes.contourf(kp_axis, ki_axis, power, levels=levels, cmap="viridis")
+    axes.contourf(kp_axis, ki_axis, power, levels=levels, cmap=POWER_COLOURS)
     style: dict[str, Any] = {"colors": "white", "linewidths": 0.7, "linestyles": "solid"}
     lines = axes.contour(kp_axis, ki_axis, power, levels=levels[1:-1], **style)
     axes.clabel(lines, fmt=lambda value: f"{value:.1f} W", fontsize=7)

@@ -80,6 +80,8 @@ class RunPanel:
             self._on_start()
         if self._quiet:
             return
+        last, self._last = self._last, snapshot.row or self._last
+        measured = self._measured  # before this snapshot, which may be of the next row
         if snapshot.row.get("power.samples", 0) > 0:
             self._measured = snapshot.row
         if not self._live_display and self.notice != self._printed_notice:
@@ -90,21 +92,28 @@ class RunPanel:
         if self._live_display:
             self._live.update(self._panel(snapshot), refresh=True)
             return
-        last, self._last = self._last, snapshot.row
         phase_changed = last.get("plan.phase") != snapshot.row["plan.phase"]
         if not self._plan.rows and phase_changed:
-            self._print(snapshot, " ".join(self._display.plan_position(self._plan, snapshot.row)))
+            self._print_position(snapshot, snapshot.row, self._measured)
         elif last and last["plan.row"] not in (NO_ROW, snapshot.row["plan.row"]):
-            self._print(snapshot, " ".join(self._display.plan_position(self._plan, last)))
+            same_row = measured.get("plan.row") == last["plan.row"]
+            self._print_position(snapshot, last, measured if same_row else {})
         if self._waits_for_people(snapshot) or snapshot.people.get("set_number"):
             lines = self._people_lines(snapshot)
             if lines != self._last_lines:
                 self._last_lines = lines
-                self._print(snapshot, "  ".join(" ".join(line) for line in lines))
+                motion = self._display.short_text(self._plan, snapshot.row, self._measured)
+                self._print(snapshot, "  ".join(" ".join(line) for line in lines), motion)
 
-    def _print(self, snapshot: "Snapshot", text: str) -> None:
-        motion = self._display.short_text(self._plan, snapshot.row, self._measured)
-        parts = [self._time_text(snapshot), text, motion, _loss_text(snapshot), snapshot.problem]
+    def _print_position(
+        self, snapshot: "Snapshot", row: dict[str, Any], measured: dict[str, Any]
+    ) -> None:
+        """Print position and powers of one row of the log; ``measured``: its set point, as seen."""
+        position = " ".join(self._display.plan_position(self._plan, row))
+        self._print(snapshot, position, self._display.short_text(self._plan, row, measured))
+
+    def _print(self, snapshot: "Snapshot", *texts: str) -> None:
+        parts = [self._time_text(snapshot), *texts, _loss_text(snapshot), snapshot.problem]
         print("  ".join(filter(None, parts)), file=sys.stderr, flush=True)
 
     def _waits_for_people(self, snapshot: "Snapshot") -> bool:

@@ -193,7 +193,7 @@ def snapshot_of(row: int, phase: Phase, samples: int, watts: float) -> Snapshot:
     return Snapshot(fields, 0, 0, "")
 
 
-def test_a_line_shows_the_power_of_the_previous_row(
+def test_a_line_shows_the_power_of_the_row_that_ended(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A line comes when a row is finished, and shows its power, seen last in its measurement."""
@@ -219,7 +219,7 @@ def test_a_line_shows_the_power_of_the_previous_row(
     assert lines[0] == lines[1] == lines[3] == ""
     assert "row 0 (1 of 2)   measure" in lines[2]
     powers = "-84.00 W mechanical     -42.00 W electrical AC     -21.00 W electrical DC"
-    assert f"row 0 when last seen   {powers}" in lines[2]
+    assert f"so far   {powers}" in lines[2]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])

@@ -160,6 +160,27 @@ def test_lines_show_time_left_losses_and_each_notice_once(
     assert capsys.readouterr().err == "power off\n"
 
 
+def test_the_line_of_a_row_has_no_powers_of_the_next_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A rehearsal of 50 times real time shows a row once or twice, sometimes only settling."""
+    plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4, axis_laws=CampaignFile.axis_laws)
+    view = RunPanel("title", "rehearsal", plan, display, quiet=False)
+    view._live_display = False
+
+    def shows(row: dict[str, float], measured: dict[str, float]) -> str:
+        return f"[{row['mean']:g} at {row['plan.row']:g}, seen {measured.get('mean')}]"
+
+    monkeypatch.setattr(display, "plan_position", lambda plan, row: ("row", str(row["plan.row"])))
+    monkeypatch.setattr(display, "short_text", lambda plan, row, measured: shows(row, measured))
+    seen = ((0, 5, -10.0), (0, 0, 0.0), (1, 0, 0.0), (2, 7, -11.0), (3, 2, -12.0))
+    for number, samples, mean in seen:
+        view(snapshot(**{"plan.row": number, "power.samples": samples, "mean": mean}))
+    lines = capsys.readouterr().err.splitlines()
+    expected = "[0 at 0, seen -10.0]", "[0 at 1, seen None]", "[-11 at 2, seen -11.0]"
+    assert [line[line.index("[") : line.index("]") + 1] for line in lines] == list(expected)
+
+
 @pytest.mark.parametrize(
     ("phase", "clock", "expected"),
     [

@@ -33,7 +33,7 @@ CLOCK_USERS = {
     "rig/execution/choosing_process.py": "asks for the end again until the run takes it",
     "rig/execution/fault_runs.py": "the time from a fault until no motor has power",
     "rig/execution/process_faults.py": "the time at which a process was killed",
-    "rig/execution/task.py": "dates the run and names its folder",
+    "rig/execution/task.py": "dates the run and names its folder; time between two Ctrl-C",
     "rig/people/orders.py": "the seat's lease, arming, and the dead man's time",
     "rig/people/request_socket.py": "rate of the requests of a client",
     "rig/processes/child.py": "time since the last progress of a child",

@@ -7,6 +7,7 @@ from pathlib import Path
 from rig.campaign.check import CheckReport
 from rig.campaign.resume import Resumption, resume_campaign
 from rig.cli.input_files import find_run
+from rig.execution.task import other_mode_text
 from rig.kinds.interface import Report
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.folder import MCAP, RECOVERED, STATUS, earlier_records
@@ -56,6 +57,22 @@ def _recover(run: Path) -> None:
 
 def _has_record(run: Path) -> bool:
     return any((run / name).is_file() for name in (MCAP, RECOVERED))
+
+
+def is_emulated(run: Path, *, wired: bool, sim: bool) -> bool:
+    """Return whether the next stage of a run needs emulated devices, as its stages before did.
+
+    ``wired``: the rig has wires; ``sim``: the option --sim. Raises RunError for a stage in another
+    execution mode, which would put measurements and simulation into one record.
+    """
+    before = run_info(run).mode
+    if before == "hil" and not sim:
+        print(f"{run.name}: devices are emulated, as in its stages before", file=sys.stderr)
+    emulated = wired and (sim or before == "hil")
+    mode = "hil" if emulated else "hardware" if wired else "rehearsal"
+    if mode != before:
+        raise RunError(other_mode_text(run, before, mode))
+    return sim or emulated  # a rig without wires refuses --sim itself
 
 
 def rest_of_run(report: Report, run: Path, *, accept_changes: bool) -> Resumption:

@@ -128,11 +128,15 @@ def run_named(
     if checked is None or plan is None:
         return print_problems(report, as_json=as_json)
     plan_record: Mapping[str, Any] = {}
-    if options.resume is not None:
-        from rig.cli.resume import rest_of_run
+    resumed = options.resume
+    if resumed is not None:
+        from rig.cli.resume import is_emulated, rest_of_run
 
         with input_errors(command_name, as_json=as_json):
-            rest = rest_of_run(report, options.resume, accept_changes=options.accept_changes)
+            wired = checked.rig.wiring is not None
+            emulated = is_emulated(resumed, wired=wired, sim=options.emulated)
+            options = options._replace(emulated=emulated)
+            rest = rest_of_run(report, resumed, accept_changes=options.accept_changes)
             plan, plan_record = rest.plan, rest.plan_record
     if checked.rig.wiring is not None:  # a rehearsal finds a trip by itself
         report = with_simulated_rows(report)

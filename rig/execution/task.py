@@ -1,9 +1,11 @@
 """Execution of one task, a campaign or a session, from its parameters to the run's folder."""
 
 import json
+import math
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
@@ -24,6 +26,10 @@ from rig.recording.runs import JoinResult, RunError, create, join, reader
 from rig.recording.runs.folder import LAW_SOURCE, MCAP, STATUS, mcap_parts
 
 ATTACHED_FILES = ("config.json", "plan.json", "code.json", "host.json")
+
+# Programs such as `timeout` signal a process and then its group; a person needs longer for a second
+# Ctrl-C.
+_ONE_REQUEST_S = 0.1
 
 
 class View(Protocol):
@@ -55,7 +61,8 @@ def run_task(
     """Run a task to its end and return the result; ``began`` is called with the folder.
 
     The folder is a new one in ``runs``, or that of an ended run which is ``resumed``. Raises
-    BusyError when the real clock or one of its wires is taken. Ctrl-C requests a controlled stop,
+    BusyError when the real clock or one of its wires is taken, and RunError for a ``resumed`` run
+    whose stages before have another execution mode. Ctrl-C requests a controlled stop,
     a second Ctrl-C an immediate power off; either way every row measured so far is kept.
     """
     with _requests_from_signals(view) as get_request, ExitStack() as locks:
@@ -64,7 +71,9 @@ def run_task(
         taken_locks = locks.enter_context(wire_locks.acquire(wires, f"campaign {task.name}"))
         folder = resumed or create.create_folder(runs, task.name, started)
         folder_lock = locks.enter_context(create.lock_run(folder))
-        begin = _begin_stage(folder, started) if resumed else {"started_utc": started.isoformat()}
+        begin = {"started_utc": started.isoformat()}
+        if resumed:
+            begin = _begin_stage(folder, started, mode)
         status = _start_status(folder, task, mode) | begin
         _write_start_files(folder, task, status)
         began(folder)
@@ -183,9 +192,20 @@ def _error_text(error: Exception) -> str:
     return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
-def _begin_stage(folder: Path, now: datetime) -> dict[str, Any]:
+def other_mode_text(run: Path, before: str, mode: str) -> str:
+    """Return why a run of the execution mode ``before`` cannot go on in ``mode``."""
+    return (
+        f"{run.name}: its stages before ran in the mode {before}, this one would run in the mode "
+        f"{mode}; one record has one mode: resume with the rig file and --sim as at its begin, or "
+        "run the campaign anew"
+    )
+
+
+def _begin_stage(folder: Path, now: datetime, mode: ExecutionMode) -> dict[str, Any]:
     """Begin another stage of a run; return the times of its begin and of each later stage."""
     status = json.loads((folder / STATUS).read_text())
+    if status["mode"] != mode.name:
+        raise RunError(other_mode_text(folder, status["mode"], mode.name))
     create.begin_stage(folder)
     begun = [*status.get("resumed_utc", []), now.isoformat()]
     return {"started_utc": status["started_utc"], "resumed_utc": begun}
@@ -240,11 +260,14 @@ def _requests_from_signals(view: View) -> Iterator[Callable[[], int]]:
     if threading.current_thread() is not threading.main_thread():
         yield lambda: safety.REQUEST_NONE
         return
-    count = 0
+    count, last = 0, -math.inf
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal count
-        count += 1
+        nonlocal count, last
+        now = time.monotonic()
+        if now - last < _ONE_REQUEST_S:
+            return
+        count, last = count + 1, now
         notice = "stopping: damping, then power off (Ctrl-C again: off at once)"
         if count > 1:
             notice = "power off; saving the measured rows"

@@ -24,11 +24,13 @@ from rig.cli.run import exit_code, row_as_json
 from rig.cli.run_panel import RunPanel
 from rig.cli.stop_signals import repeated_interrupts
 from rig.config.problems import error_text
+from rig.execution.task import _requests_from_signals
 from rig.host import disk
 from rig.kinds.wavebot import display
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 from rig.processes.child import Child
 from rig.processes.run_types import Outcome, Snapshot
+from rig.realtime import safety
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.realtime.reasons import reason_table
 from rig.realtime.sequence import Phase
@@ -140,6 +142,23 @@ write_products(Path({str(run)!r}))
         [sys.executable, "-c", script], capture_output=True, text=True, check=False
     )
     assert (found.returncode, found.stderr) == (0, "")
+
+
+def test_two_signals_at_once_are_one_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `timeout` sends them: to the process, and then to its group."""
+    now = [100.0]
+    monkeypatch.setattr("rig.execution.task.time.monotonic", lambda: now[0])
+    view: Any = SimpleNamespace(notice="")
+    with _requests_from_signals(view) as get_request:
+        assert get_request() == safety.REQUEST_NONE
+        for _ in range(2):
+            signal.raise_signal(signal.SIGINT)
+        assert get_request() == safety.REQUEST_STOP
+        assert view.notice.startswith("stopping")
+        now[0] += 0.15  # a hasty person
+        signal.raise_signal(signal.SIGINT)
+        assert get_request() == safety.REQUEST_ABORT
+        assert view.notice.startswith("power off")
 
 
 def test_ctrl_c_within_a_destructor_is_repeated() -> None:

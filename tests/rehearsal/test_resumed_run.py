@@ -15,11 +15,15 @@ import numpy as np
 import pytest
 from command_here import CompletedCommand, rig
 from made_once import made_once
-from rehearsing import CONFIGS, write_yaml
+from rehearsing import CONFIGS, SilentView, write_yaml
 
 from rig.analysis.rows import COMPLETE, INTERRUPTED, row_table, stations_of
+from rig.cli.resume import is_emulated
 from rig.execution.replay import replay
-from rig.recording.runs import create, open_run, run_info
+from rig.execution.task import run_task
+from rig.kinds.wavebot.campaign import check_campaign
+from rig.kinds.wavebot.tasks import execution_task, rehearsal_mode
+from rig.recording.runs import RunError, create, open_run, run_info
 from rig.recording.runs.folder import MCAP, STATUS
 from rig.recording.runs.reader import check_record
 
@@ -211,7 +215,7 @@ def test_changes_of_the_files_are_named(whole: Path, place: Path) -> None:
     campaign = ("--rig", place / "rig.yaml", place / "resumed.yaml")
     refused = resume(place, *campaign)
     assert refused.returncode == 2
-    assert "rig.supervisor_timeout_s: 1.0 in the run, now 1.25" in refused.stderr
+    assert "rig.supervisor_timeout_s: 1 in the run, now 1.25" in refused.stderr
     assert "--accept-changes" in refused.stderr
     assert resume(place, *campaign, "--accept-changes").returncode == 0
     (change,) = run_info(run).plan["resumed"]["differences"]
@@ -267,6 +271,65 @@ def test_a_run_that_still_runs_is_left_alone(whole: Path, place: Path) -> None:
         done = resume(place)
     assert done.returncode != 0
     assert "still being written" in done.stderr
+
+
+def set_mode(run: Path, mode: str) -> None:
+    status = json.loads((run / STATUS).read_text())
+    create.write_json(run, STATUS, status | {"mode": mode})
+
+
+def test_a_rehearsal_does_not_go_on_with_the_rigs_devices(whole: Path, place: Path) -> None:
+    run = kill_at(whole, place, FIRST_ROW_S + 7.0)
+    for option in ((), ("--sim",)):
+        done = resume(place, "--rig", "wavebot_hil", *option)
+        assert done.returncode == 2
+        mode = "hil" if option else "hardware"
+        assert (
+            f"its stages before ran in the mode rehearsal, this one would run in the mode {mode}"
+            in (done.stderr)
+        )
+    assert resume(place).returncode == 0  # nothing was changed by the refusals
+    assert_equals_undisturbed(run, whole)
+
+
+@pytest.mark.parametrize("mode", ["hil", "hardware"])
+def test_a_run_with_wires_does_not_go_on_as_a_rehearsal(
+    mode: str, whole: Path, place: Path
+) -> None:
+    run = kill_at(whole, place, FIRST_ROW_S + 7.0)
+    set_mode(run, mode)
+    done = resume(place)
+    assert done.returncode == 2
+    assert f"its stages before ran in the mode {mode}" in done.stderr
+
+
+def test_the_next_stage_has_emulated_devices_if_the_stages_before_had_them(
+    whole: Path, place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without --sim, the command would otherwise move the real rig."""
+    run = kill_at(whole, place, FIRST_ROW_S + 7.0)
+    set_mode(run, "hil")
+    assert is_emulated(run, wired=True, sim=False)
+    assert "devices are emulated, as in its stages before" in capsys.readouterr().err
+    assert is_emulated(run, wired=True, sim=True)
+    set_mode(run, "hardware")
+    assert not is_emulated(run, wired=True, sim=False)
+    with pytest.raises(RunError, match="in the mode hardware, this one would run in the mode hil"):
+        is_emulated(run, wired=True, sim=True)
+
+
+def test_no_program_begins_a_stage_in_another_mode(whole: Path, place: Path) -> None:
+    """The last defence, below the command: before anything is sent or changed."""
+    run = kill_at(whole, place, FIRST_ROW_S + 7.0)
+    files = sorted(path.name for path in run.iterdir())
+    report = check_campaign(place / "resumed.yaml")
+    assert report.campaign is not None
+    assert report.plan is not None
+    task = execution_task(report.campaign, report.plan)
+    mode = rehearsal_mode(report.campaign, real_clock=False)
+    with pytest.raises(RunError, match="rehearsal, this one would run in the mode hardware"):
+        run_task(task, run.parent, SilentView(), mode._replace(name="hardware"), resumed=run)
+    assert sorted(path.name for path in run.iterdir()) == files
 
 
 @pytest.mark.parametrize("arguments", [("--accept-changes",), (), ("quick", "--accept-changes")])

@@ -20,6 +20,7 @@ _EXCLUDED = ("campaign.name", "campaign.matrix", "campaign.rig", "campaign.plant
 _ELEVATION = (
     "elevation"  # role of a recorded sea's file; the configuration does not contain its data
 )
+_LAW = "law"  # role of the file of a law
 _MAX_LENGTH = 60  # characters of a displayed value
 
 
@@ -60,6 +61,9 @@ def _flat_settings(run_facts: RunInfo) -> Iterator[tuple[str, str]]:
     for file in config.get("files") or ():
         if isinstance(file, dict) and file.get("role") == _ELEVATION:
             yield f"{_ELEVATION} file", f"sha256 {str(file.get('sha256', ''))[:12]}"
+        if isinstance(file, dict) and file.get("role") == _LAW:
+            name = str(file.get("path", "")).rpartition("/")[2]
+            yield f"{_LAW} file {name}", f"sha256 {str(file.get('sha256', ''))[:12]}"
     for key in ("version", "git", "dirty", "python"):
         if run_facts.code.get(key) is not None:
             yield f"code.{key}", value_text(run_facts.code[key])
@@ -136,6 +140,8 @@ def shorten(text: str) -> str:
 
 
 def _group(key: str, control: set[str]) -> str:
+    if key.startswith(f"{_LAW} file "):
+        return "control"
     first, _, rest = key.partition(".")
     if first == f"{_ELEVATION} file":
         return "sea"

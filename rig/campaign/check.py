@@ -71,6 +71,7 @@ class CheckReport(NamedTuple):
     validity_warnings: tuple[Problem, ...] = ()  # calibrations not valid on the given day
     unused_rows: tuple[Problem, ...] = ()  # lines of a gain matrix after its end mark
     law_warnings: tuple[Problem, ...] = ()  # about laws
+    not_compiled: tuple[Problem, ...] = ()  # laws that run interpreted only
     tank_warnings: tuple[Problem, ...] = ()  # rows before the full waves, or with reflected ones
     plant_warnings: tuple[Problem, ...] = ()  # about the simulated plant
     not_predicted: str = ""  # why the law has no prediction; empty otherwise
@@ -89,8 +90,8 @@ class CheckReport(NamedTuple):
         predicted = self.prediction.warnings if self.prediction is not None else ()
         simulated = self.simulated.warnings() if self.simulated is not None else ()
         own = (
-            self.unused_rows, self.validity_warnings, self.law_warnings, self.plant_warnings,
-            self.tank_warnings,
+            self.unused_rows, self.validity_warnings, self.law_warnings, self.not_compiled,
+            self.plant_warnings, self.tank_warnings,
         )  # fmt: skip
         return (*chain.from_iterable(own), *predicted, *simulated)
 

@@ -5,20 +5,24 @@ raise, demand a force that is not a number, or keep memory outside their State: 
 must give equal forces.
 """
 
+import io
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
 from controllers.blocks import finite
+from controllers.law import Column, Parameter
 from controllers.signals import Estimate
 from rig import laws
 from rig.campaign.files import CampaignParts, valid_key
 from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignRow
+from rig.campaign.law_rules import rule_findings
 from rig.config.law_settings import IMPEDANCE, AxisLaw, law_model
 from rig.config.problems import Problem
+from rig.config.ranges import unit_of_key
 from rig.config.reference import AnyReference, Reference
 from rig.config.yaml_source import KeyPath
 from rig.design.law_params import law_params
@@ -32,11 +36,14 @@ DEFAULT_RATE_HZ = 1000  # where the rig's own rate is invalid
 MAX_SET_POINTS = 50
 """Set points tried; of more, evenly spaced ones in the order of the rows are."""
 
+_BROKEN = "such code may run interpreted only, or give other bits compiled"
+
 _REFERENCE: TypeAdapter[AnyReference] = TypeAdapter(Reference | None)
 
 
 class _Trial(NamedTuple):
     forces: list[float]  # N or N m, one a tick
+    power: float  # W, mean of force times velocity; negative is absorbed
     error: str  # of the tick after the last force; empty: none
 
 
@@ -56,6 +63,40 @@ def trial_problems(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]
                 found.add(sort)
                 message = f"{message} ({_text(axis_law, row)})"
                 yield campaign.locate.problem(law_key(campaign.axis_laws, axis), law.name, message)
+
+
+def law_warnings(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
+    """Yield what people should know of laws that are not wec-rig's own, before they run.
+
+    These are broken rules of the code by their line, and a law that drives the body.
+    """
+    for axis, axis_law in campaign.axis_laws.items():
+        key = law_key(campaign.axis_laws, axis)
+        for law in axis_law.law.members:
+            if not law.is_file and law.name in laws.OWN_MODULES:
+                continue
+            for finding in rule_findings(law):
+                yield campaign.locate.problem(key, law.name, f"{finding}; {_BROKEN}")
+        yield from _driving_warnings(campaign, axis, planned)
+
+
+def _driving_warnings(campaign: AnyCampaign, axis: str, planned: AnyPlan) -> Iterator[Problem]:
+    """Yield a warning if no set point of a law absorbs power in its trial."""
+    axis_law = campaign.axis_laws[axis]
+    if all(not law.is_file and law.name in laws.OWN_MODULES for law in axis_law.law.members):
+        return
+    powers = [
+        (_run(campaign, axis, planned, row).power, row) for row in _tried_rows(axis_law, planned)
+    ]
+    power, row = min(powers, key=lambda each: each[0])
+    if power > 0.0:
+        yield campaign.locate.problem(
+            law_key(campaign.axis_laws, axis),
+            axis_law.law.name,
+            "the law drives the body in its trial at every set point: force times velocity is "
+            f"+{power:.3g} W or more, and negative power is absorbed; check its sign "
+            f"({_text(axis_law, row)})",
+        )
 
 
 def compilation_problems(
@@ -86,6 +127,14 @@ def law_problems(parts: CampaignParts, ramps: Mapping[str, float]) -> Iterator[P
     source, dt = parts.campaign, 1.0 / (parts.rate_hz or DEFAULT_RATE_HZ)
     axis_laws = {} if parts.model is None else parts.model.axis_laws
     for axis, axis_law in axis_laws.items():
+        columns: list[Column | Parameter] = [*axis_law.law.columns, *axis_law.law.parameters]
+        for each in columns:
+            if (unit := unit_of_key(each.key)) not in ("", each.unit):
+                yield source.locate.problem(
+                    law_key(axis_laws, axis),
+                    axis_law.law.name,
+                    f"the key {each.key} ends with the unit {unit}, but its unit is {each.unit!r}",
+                )
         key, given = law_key(axis_laws, axis), source.mapping.get("law", {})
         if len(axis_laws) > 1:
             given = given.get(axis, {}) if isinstance(given, dict) else {}
@@ -151,9 +200,15 @@ def _examine(
 
 
 def _run(campaign: AnyCampaign, axis: str, planned: AnyPlan, row: CampaignRow[Any]) -> _Trial:
+    """Return a trial; what the law prints is left out."""
+    with redirect_stdout(io.StringIO()):
+        return _swing(campaign, axis, planned, row)
+
+
+def _swing(campaign: AnyCampaign, axis: str, planned: AnyPlan, row: CampaignRow[Any]) -> _Trial:
     axis_law, dt = campaign.axis_laws[axis], planned.dt
     law = axis_law.law
-    step, forces = law.module.step, list[float]()
+    step, forces, work = law.module.step, list[float](), 0.0
     omega = 2.0 * math.pi * FREQUENCY_HZ
     try:
         ramp = campaign.kind.gain_ramp(campaign.rig, axis)
@@ -168,9 +223,10 @@ def _run(campaign: AnyCampaign, axis: str, planned: AnyPlan, row: CampaignRow[An
             )
             state, demand = step(params, state, set_point, motion, 0.0, 0.0, dt)
             forces.append(float(demand.force))
+            work += forces[-1] * motion.velocity * dt
     except Exception as error:  # noqa: BLE001  a law may raise anything
-        return _Trial(forces, error_text(error, law.path))
-    return _Trial(forces, "")
+        return _Trial(forces, math.nan, error_text(error, law.path))
+    return _Trial(forces, work / SECONDS, "")
 
 
 def _text(axis_law: AxisLaw, row: CampaignRow[Any]) -> str:

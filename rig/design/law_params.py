@@ -7,6 +7,7 @@ from controllers.biquads import Biquad
 from rig.config.law_settings import IMPEDANCE, LawSettings
 from rig.design.impedance import design as design_zc
 from rig.laws import Law
+from rig.plug_ins import error_text
 
 
 def law_params(law: Law, settings: LawSettings, ramp: float, dt: float) -> Any:
@@ -21,6 +22,9 @@ def law_params(law: Law, settings: LawSettings, ramp: float, dt: float) -> Any:
         raise ValueError(
             re.sub(r"\w+", lambda name: keys.get(name[0], name[0]), str(error))
         ) from error
+    except Exception as error:  # a law of people may raise anything
+        text = error_text(error, law.path)
+        raise ValueError(f"params of the law {law.name} raised an exception: {text}") from error
     if law.module is not IMPEDANCE.module:
         return params
     return params._replace(sections=zc_sections(settings, dt))

@@ -38,7 +38,7 @@ def with_simulated_rows(
     try:
         simulation = simulation_of(campaign)
         reasons = [
-            each.message for each in (*simulation.sweep_problems(campaign), *report.law_warnings)
+            each.message for each in (*simulation.sweep_problems(campaign), *report.not_compiled)
         ]
         if reasons:
             return report._replace(not_simulated="; ".join(reasons))

@@ -196,7 +196,7 @@ def test_groups_of_settings() -> None:
         ("plant", "plant.effect"),
         ("plant", "plant.mass"),
         ("calibration", "rig.heave.gear_ratio_rad_per_m"),
-        ("calibration", "rig.spring.map"),
+        ("calibration", "rig.spring.map[0].a"),
         ("code", "code.git"),
         ("code", "code.packages.numpy"),
         ("timing", "campaign.tare.duration_s"),

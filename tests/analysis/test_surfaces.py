@@ -144,11 +144,11 @@ def test_one_line_of_points_is_a_line_without_colours() -> None:
     for line, x in ((one_kp, "Ki, N/m"), (one_ki, "Kp, N·s/m"), (one_kp[:2], "Ki, N/m")):
         panels, bars = drawn(line)
         assert not bars
-        assert [axes.get_xlabel() for axes in panels] == [x] * 3
-        assert panels[1].get_ylabel() == "electrical AC, W"
+        assert [axes.get_xlabel() for axes in panels] == [x] * 4
+        assert panels[2].get_ylabel() == "electrical AC, W"
     assert "points on one line" not in texts(one_kp)  # a line plot needs no remark
     assert "Kp −2000, Ki +8000 (grid's edge)" in texts(one_kp)
-    assert len(drawn(grid())[1]) == 3
+    assert len(drawn(grid())[1]) == 4
 
 
 def test_missing_points_of_a_line_are_crosses_on_its_axis() -> None:
@@ -178,7 +178,7 @@ def test_lines_of_several_springs_share_a_scale() -> None:
 def test_a_line_next_to_a_surface_labels_its_axis() -> None:
     line = [with_soft_spring(point(-2000.0, 2000.0 * i)) for i in range(5)]
     panels, bars = drawn([*grid(), *line])
-    assert len(bars) == 3
+    assert len(bars) == 4
     assert [axes.get_ylabel() for axes in panels[:2]] == ["Kp, N·s/m", "mechanical, W"]
 
 

@@ -172,13 +172,58 @@ def test_hidden_memory_is_found(write: Write) -> None:
     assert "-0.627319 and 1.37268" in message
 
 
+@pytest.mark.parametrize(
+    ("code", "finding"),
+    [
+        ("x = motion.velocity**2", "**, whose bits differ compiled: multiply in step"),
+        ("x = {1: 2.0}", "a dict in step"),
+        ("x = [motion.velocity]", "a list in step"),
+        ("print(motion.velocity)", "print, which delays the tick in step"),
+        ("state = state._replace()", "_replace: write all fields in step"),
+        ("x = math.hypot(1.0, 2.0)", "hypot, whose bits differ compiled in step"),
+        ("x = helper(1.0)", "a text in helper"),
+    ],
+)
+def test_broken_rules_are_named_with_their_line(code: str, finding: str, write: Write) -> None:
+    """A rehearsal does not print what the law prints."""
+    helper = 'def helper(x: float) -> float:\n    return x if "a" else 0.0\n\n\n'
+    law = GOOD.replace("    distance = motion", f"    {code}\n    distance = motion", 1)
+    law = law.replace("def step(", f"{helper}def step(", 1)
+    law = law.replace("\nfrom typing", "\nimport math\nfrom typing", 1)
+    part = 'x if "a"' if "helper" in finding else code
+    line = law.partition(part)[0].count("\n") + 1
+    _, out, _ = rig_here("check", write(law=law))
+    assert f"growing_damping.py:{line}: {finding}; " in out
+
+
+def test_a_law_that_drives_the_body_is_a_warning(write: Write) -> None:
+    good = check(write())[1]["warnings"]
+    assert not any("drives the body" in each["message"] for each in good)
+    found = check(write("force + reference", "-force + reference"))[1]["warnings"]
+    (text,) = [each["message"] for each in found if "drives the body" in each["message"]]
+    assert "force times velocity is +" in text
+
+
+def test_a_unit_that_contradicts_its_key_is_refused(write: Write) -> None:
+    message = only_problem(write('"N*s/m"', '"kN*s/m"'))["message"]
+    assert "ends with the unit N*s/m, but its unit is 'kN*s/m'" in message
+
+
+def test_any_exception_of_params_is_named_with_its_line(write: Write) -> None:
+    message = only_problem(write('settings["max_force_n"]', 'settings["force"]'))["message"]
+    assert "params of the law growing_damping raised an exception: " in message
+    assert message.endswith("growing_damping.py:33: KeyError: 'force'")
+
+
 def test_law_that_cannot_be_compiled_runs_but_is_not_swept(write: Write) -> None:
     path = write(
         "    distance = motion", '    unit = float(f"{1.0}")\n    distance = unit * motion'
     )
     code, out, _ = rig_here("check", path)
     assert code == 0
-    (warning,) = [line for line in out.splitlines() if line.startswith("warning: ")]
+    rule, warning = [line for line in out.splitlines() if line.startswith("warning: ")]
+    line = path.with_name("growing_damping.py").read_text().split("unit = float")[0].count("\n") + 1
+    assert f"growing_damping.py:{line}: a text in step" in rule
     assert "the law cannot be compiled, so it runs interpreted and no sweep has it: " in warning
     code, _, err = rig_here("sweep", path, "--sweeps", path.parent / "sweeps")
     assert code == 2

@@ -94,8 +94,8 @@ def draw_surface(
     smooth = is_smooth(xy)
     if smooth:
         mesh, field = interpolate(xy, values)
-        fine = np.linspace(levels[0], levels[-1], 8 * (len(levels) - 1) + 1)
-        axes.tricontourf(mesh, field, levels=fine, cmap=colours, norm=norm)
+        # An image of colours: edges between filled contours would show as white lines in a PDF.
+        axes.tripcolor(mesh, field, cmap=colours, norm=norm, shading="gouraud", rasterized=True)
         lines = [level for level in levels if min(values) < level < max(values)]
         if lines:
             style: dict[str, Any] = {"linewidths": 0.5, "linestyles": "solid", "alpha": 0.7}

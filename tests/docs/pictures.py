@@ -15,7 +15,7 @@ from typing import NamedTuple
 from PIL import Image
 
 WIDTH = 1000  # pixels, at most
-COLOURS = 160
+COLOURS = 256
 _PICTURE = re.compile(
     r"<!-- picture: (?P<source>\S+) -->\n\s*!\[[^\]]*\]\((?P<target>[^)\s]+)\)", re.MULTILINE
 )

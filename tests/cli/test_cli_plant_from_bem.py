@@ -388,3 +388,30 @@ def test_a_damaged_fit_is_refused(tmp_path: Path, edit: Any, message: str) -> No
     path.write_text(json.dumps(given))
     with pytest.raises(ValueError, match=f"fit.json: .*{message}"):
         stored_radiation.read(path, fitted.bem)
+
+
+def off_centre(folder: Path) -> Path:
+    """Return the cylinder with its centre of mass 0.15 m below the axis of its pitch."""
+    changed = mode_plants.dataset().assign(center_of_mass=("space_coordinate", [0.0, 0.0, -0.45]))
+    return mode_plants.saved(folder / "off_centre.nc", changed)
+
+
+CENTRES = "Pitch turns about (0, 0, -0.3) m, but the centre of mass is (0, 0, -0.45) m"
+
+
+def test_a_rotation_off_the_centre_of_mass_with_the_translation_it_couples_is_refused(
+    tmp_path: Path,
+) -> None:
+    bem = off_centre(tmp_path)
+    done = from_bem(tmp_path, bem, *THREE)
+    assert done.returncode == 2
+    assert f"{CENTRES}: that couples Surge and Pitch by a mass, which a plant has not" in done.stderr
+    assert "couples Heave" not in done.stderr  # the centre of mass is below the axis
+    given = ("--mass", "Surge=3135", "--mass", "Pitch=1500")
+    assert from_bem(tmp_path, bem, *THREE, *given).returncode == 0
+
+
+def test_a_rotation_alone_off_the_centre_of_mass_is_a_warning(tmp_path: Path) -> None:
+    done = from_bem(tmp_path, off_centre(tmp_path), "--dof", "Pitch", "--stiffness", 20000)
+    assert done.returncode == 0, done.stderr
+    assert re.search(rf"warning: modes.pitch.mass: .* kg.m2: {re.escape(CENTRES)}", done.stdout)

@@ -64,6 +64,13 @@ def test_three_coupled_modes(tmp_path: Path) -> None:
     omega = 2.0 * np.pi / heave["natural_period_s"]
     added = np.interp(omega / 2.0 / np.pi, bem.frequency, bem.added_mass[:, 1, 1])
     assert omega**2 * (heave["mass"] + added) == pytest.approx(heave["stiffness"], rel=2e-3)
+    # Haskind's relation in deep water: B = k |X|^2 / (2 rho g v_g) of an axisymmetric body in heave
+    # = omega^3 |X|^2 / (2 rho g^3).
+    force = np.interp(omega / 2.0 / np.pi, bem.frequency, np.abs(bem.excitation[:, 1]))
+    assert heave["damping_at_resonance"] == pytest.approx(
+        omega**3 * force**2 / (2.0 * 1000.0 * 9.81**3), rel=0.02
+    )
+    assert heave["added_mass_at_resonance"] == pytest.approx(added, rel=1e-6)
     plant = Plant.model_validate(load(tmp_path / "body.yaml"))
     assert plant.radiation == "body.radiation.json"
     assert list(plant.axes) == ["surge", "heave", "pitch"]
@@ -405,7 +412,9 @@ def test_a_rotation_off_the_centre_of_mass_with_the_translation_it_couples_is_re
     bem = off_centre(tmp_path)
     done = from_bem(tmp_path, bem, *THREE)
     assert done.returncode == 2
-    assert f"{CENTRES}: that couples Surge and Pitch by a mass, which a plant has not" in done.stderr
+    assert (
+        f"{CENTRES}: that couples Surge and Pitch by a mass, which a plant has not" in done.stderr
+    )
     assert "couples Heave" not in done.stderr  # the centre of mass is below the axis
     given = ("--mass", "Surge=3135", "--mass", "Pitch=1500")
     assert from_bem(tmp_path, bem, *THREE, *given).returncode == 0

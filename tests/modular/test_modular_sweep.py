@@ -84,8 +84,25 @@ def test_check_simulates_the_rows_where_the_loop_is_compiled(
     (tight / "limits.yaml").write_text(limits)
     report = run_rig("check", tight / "campaign.yaml")
     assert report["ok"]
-    assert "simulated, the run stops with POSITION in row" in report["warnings"][0]["message"]
-    assert report["simulated"][-1]["state"] == "not run"
+    states = [row["state"] for row in report["simulated"]]
+    lacking = states.index("not run")
+    assert 0 < lacking < len(states)
+    message = (
+        f"POSITION in row {lacking} or before it; {len(states) - lacking} of {len(states)} rows"
+    )
+    assert f"simulated, the run stops with {message}" in report["warnings"][0]["message"]
+    assert rig_here("check", tight / "campaign.yaml").stdout.endswith("the campaign can be run\n")
+    limits = re.sub(r"velocity_stop_m_per_s: \S+", "velocity_stop_m_per_s: 0.01", limits)
+    (tight / "limits.yaml").write_text(limits)
+    done = rig_here("check", tight / "campaign.yaml")
+    assert done.returncode == 2
+    assert f"VELOCITY in row 0 or before it; {len(states)} of {len(states)} rows" in done.stdout
+    assert done.stdout.endswith("the campaign cannot be run\n")
+    refused = json.loads(rig_here("check", tight / "campaign.yaml", "--json").stdout)
+    assert not refused["ok"]
+    assert [each["message"] for each in refused["problems"]] == [
+        each["message"] for each in refused["warnings"]
+    ]
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     report = run_rig("check", campaign)
     assert "not compiled on this host yet" in report["not_simulated"]

@@ -101,7 +101,7 @@ class CheckReport(NamedTuple):
 
     @property
     def refused(self) -> tuple[Problem, ...]:
-        """Why the simulated rows must not run, all of them; empty without a simulation."""
+        """Reasons why no simulated row must run; empty without a simulation."""
         return () if self.simulated is None else tuple(self.simulated.refused())
 
     def summary(self) -> dict[str, Any]:

@@ -10,11 +10,15 @@ from typing import Any
 
 from docs.generate.markdown import code, sentence, table
 from drivers.canopen import bus_cycle, emcy, heartbeat, pdo
+from drivers.cia402 import drive_objects as drive_objects_module
+from drivers.cia402.drive_objects import REQUIRED, Access
 from drivers.cia402.process_data import ANALOG_INPUTS, BYTES, Entry
 from rig.kinds import registry
 from rig.kinds.interface import PROTOCOLS
 
 _MARK = re.compile(r"^<!-- generated: (?P<name>\w+) -->$", re.MULTILINE)
+
+_OBJECT_NOTE = re.compile(r'"(\w{4,})",.*\),  # (.*)$', re.MULTILINE)
 
 
 def fill(markdown: str) -> str:
@@ -47,6 +51,21 @@ def _pdo(
     objects = ", ".join(code(f"{each.object:04X}:{each.sub:02X} {each.type}") for each in entries)
     size = sum(BYTES[each.type] for each in entries)
     return [f"{cob_id - 1:#05x} + node", device, name, objects, size, divider]
+
+
+def drive_objects() -> str:
+    """Return the table of the keys in `objects` of a drive; values are the comments of the code."""
+    notes = dict(_OBJECT_NOTE.findall(inspect.getsource(drive_objects_module)))
+    actions = {Access.SET: "writes", Access.VERIFY: "compares", Access.TRANSIENT: "writes"}
+    rows = (
+        [
+            code(each.name), f"{each.object:04X}:{each.sub:02X} {each.type}",
+            actions[Access(each.access)], "yes" if each.name in REQUIRED else "",
+            notes.get(each.name, ""),
+        ]
+        for each in drive_objects_module.OBJECTS
+    )  # fmt: skip
+    return table(["key", "object", "a run", "needed", "value"], rows)
 
 
 def rooms() -> str:
@@ -125,6 +144,7 @@ _OTHER_PACKAGES = ("controllers", "drivers", "sim_plant")
 PARTS: dict[str, Callable[[], str]] = {
     "can_frames": can_frames,
     "contracts": contracts,
+    "drive_objects": drive_objects,
     "kind_modules": kind_modules,
     "layers": layers,
     "packages": packages,

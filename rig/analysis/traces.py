@@ -23,6 +23,7 @@ _LEGEND: dict[str, Any] = {  # above a panel
     "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "fontsize": 7, "ncols": 5,
     "frameon": False, "borderpad": 0.2,
 }  # fmt: skip
+_MAX_QUANTITIES, _LABEL_LETTERS = 3, 20  # of a panel's label, and of a line of it
 _UNITLESS = ("flag", "index", "1")
 TIME_BINS = 2000  # time bins of a picture; each keeps its minimum and maximum
 _LINE_COLOURS = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97", "#b8860b", "#5c6b73")
@@ -84,6 +85,16 @@ def _shade_phases(axes: Axes, time: Any, phase: Any, step: float) -> set[Phase]:
 
 def _display_unit(unit: str) -> str:
     return unit.replace("^2", "²").replace("*", "·")
+
+
+def _panel_label(names: list[str], unit: str) -> str:
+    """Return the quantities of a panel with their unit: the last parts of the fields' names."""
+    lasts = ("power" if name.startswith("power.") else name.rpartition(".")[2] for name in names)
+    quantities = list(dict.fromkeys(last.replace("_", " ") for last in lasts))
+    if len(quantities) > _MAX_QUANTITIES:
+        quantities = []  # the legend has the names
+    text = ", ".join(filter(None, (" / ".join(quantities), "" if unit in _UNITLESS else unit)))
+    return textwrap.fill(text, _LABEL_LETTERS)
 
 
 def _constant_fields(data: dict[str, Any], names: list[str]) -> list[str]:
@@ -165,7 +176,7 @@ def write_traces(
             style = ("-", "--", ":")[i // len(_LINE_COLOURS) % 3]
             colour = _LINE_COLOURS[i % len(_LINE_COLOURS)]
             axes.plot(*decimate(x, y), style, color=colour, lw=0.9, label=name)
-        axes.set_ylabel(unit)
+        axes.set_ylabel(_panel_label(members, unit))
         axes.grid(alpha=0.25)
         axes.margins(x=0.0)
         axes.legend(**_LEGEND)

@@ -98,7 +98,12 @@ class CheckReport(NamedTuple):
     @property
     def ok(self) -> bool:
         """True if the campaign can be run."""
-        return not self.problems
+        return not (self.problems or self.refused)
+
+    @property
+    def refused(self) -> tuple[Problem, ...]:
+        """Reasons why no simulated row must run; empty without a simulation."""
+        return () if self.simulated is None else tuple(self.simulated.refused())
 
     def summary(self) -> dict[str, Any]:
         """Return the summary of the campaign, with times in s; empty if its files have problems."""
@@ -228,7 +233,7 @@ class CheckReport(NamedTuple):
         report = {
             "file": display_path(self.path),
             "ok": self.ok,
-            "problems": [problem.as_dict() for problem in self.problems],
+            "problems": [problem.as_dict() for problem in (*self.problems, *self.refused)],
             "unchecked": list(self.unchecked),
             **self.summary(),
             **(self.prediction.as_dict() if self.prediction is not None else {}),

@@ -38,7 +38,7 @@ def equilibrium_problems(
             at = point.locations.get(found.column)
             groups.setdefault((found, at), []).append(number)
     for (found, at), (first, *others) in groups.items():
-        more = f" and {len(others)} more" if others else ""
+        more = f" (and {len(others)} more like it)" if others else ""
         message = f"point {first}{more} {found.message}"
         if at is None:
             yield locate.problem(("matrix",), found.value, message), found.can_run

@@ -13,17 +13,17 @@ from rich.console import Console
 from rich.text import Text
 
 from rig.analysis.compared_rows import ComparedRows
-from rig.analysis.rows import NOT_RUN, column_units, motion_fields, reduce_window
+from rig.analysis.rows import COMPLETE, NOT_RUN, column_units, motion_fields, reduce_window
 from rig.campaign.equal_rows import EqualRows, find_equal_rows
 from rig.campaign.equilibrium import EquilibriumCheck
 from rig.campaign.kind import AnyCampaign, AnyPlan
 from rig.config.law_settings import shown_columns, value_text
-from rig.config.problems import Problem
+from rig.config.problems import Problem, number_ranges
 from rig.config.sea import RegularSea
 from rig.planning.windows import repeat_period
 from rig.presentation.console import plain_table, table_console, whole_table
 from rig.presentation.json_values import json_value
-from rig.presentation.phrases import unit_text
+from rig.presentation.phrases import count_text, unit_text
 from rig.realtime.reasons import Reason
 from rig.recording.row_layout import leaves
 from rig.recording.runs.windows import Window
@@ -119,13 +119,29 @@ class SimulatedRows(NamedTuple):
         return f"{first}: the plan is long, rig check --simulate simulates all"
 
     def warnings(self) -> Iterator[Problem]:
-        """Yield a warning if the simulated plan stops before its end."""
+        """Yield a warning if the simulated plan stops before its end, with the rows that it lacks.
+
+        The loop stops at the first trip, so the rows after it lack, too.
+        """
         if self.reason in (Reason.PLAN_END.name, Reason.NONE.name):
             return
-        last = len(self.rows) - 1
-        row = next((each["row"] for each in self.rows if each["incomplete_reason"]), last)
-        message = f"simulated, the run stops with {self.reason} in row {row} or before it"
+        message = f"simulated, the run stops with {self.reason}"
+        if lacking := self._incomplete():
+            message += (
+                f" in row {lacking[0]} or before it; {len(lacking)} of "
+                f"{count_text(len(self.rows), 'row')} not complete: "
+                f"{', '.join(number_ranges(lacking))}"
+            )
         yield self.campaign.locate.problem(("matrix",), None, message)
+
+    def refused(self) -> Iterator[Problem]:
+        """Yield why the campaign must not run: no simulated row is complete before a stop."""
+        if len(self._incomplete()) == len(self.rows):
+            yield from self.warnings()
+
+    def _incomplete(self) -> list[int]:
+        """Return the numbers of the rows that are not complete."""
+        return [row["row"] for row in self.rows if row["state"] != COMPLETE]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the rows as JSON values in SI units; None for missing numbers."""

@@ -13,6 +13,7 @@ from rig.cli.options import TASK_HELP, Json, Rig
 from rig.cli.output import BAD_INPUT, OK, fail, input_errors, print_json
 from rig.config.wiring import WiringError
 from rig.kinds.interface import Report, Tasks
+from rig.presentation.console import table_console
 
 
 def command(
@@ -53,7 +54,17 @@ def command(
             report.simulated.show(every_row=rows)
         if refusal:
             fail("check", refusal, as_json=False)
+        show_verdict(report, can_run=report.ok and not refusal)
     return OK if report.ok and not refusal else BAD_INPUT
+
+
+def show_verdict(report: Report, *, can_run: bool) -> None:
+    """Print whether the campaign or session can be run."""
+    console, noun = table_console(), "campaign" if isinstance(report, CheckReport) else "session"
+    if can_run:
+        console.print(f"the {noun} can be run", style="bold green")
+    else:
+        console.print(f"the {noun} cannot be run", style="bold red")
 
 
 def with_simulated_rows(report: Report, *, simulate: bool = False, quiet: bool = True) -> Report:

@@ -36,9 +36,10 @@ class _Stimulus(FileModel):
     """Axis and amplitude of a generated reference."""
 
     axis: str = ""  # a campaign file fills in the first axis of its rig
-    amplitude_a: Amplitude | None = None  # as motor current; or give amplitude_n
+    amplitude_a: Amplitude | None = None
+    """Greatest magnitude of the whole signal, as motor current; or give amplitude_n."""
     amplitude_n: float | None = Field(default=None, gt=0, le=4000)
-    """As force on the body; or give amplitude_a."""
+    """Greatest magnitude of the whole signal, as force on the body; or give amplitude_a."""
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that exactly one amplitude is given."""

@@ -395,6 +395,7 @@ class Wiring(FileModel):
                 known = ", ".join(self.lines) or "none"
                 yield RuleViolation((*key, "line"), f"no such line; there are {known}", block.line)
         yield from self._drive_rules()
+        yield from self._port_rules()
         nodes = [((*key, "node"), part.node) for key, part in parts
                  if isinstance(part, Drive) and part.node is not None]  # fmt: skip
         nodes += [
@@ -406,6 +407,16 @@ class Wiring(FileModel):
                 message = f"{node} is the number of {taken[node]}, too; two nodes need two numbers"
                 yield RuleViolation(key, message, node)
             taken[node] = ".".join(key)
+
+    def _port_rules(self) -> Iterator[RuleViolation]:
+        """Check that no two wires have one serial port: a program alone can open it."""
+        taken: dict[str, str] = {}
+        for key, part in self._parts():
+            if isinstance(part, RtuLine | SerialPort):
+                if part.port in taken:
+                    message = f"is the port of {taken[part.port]}, too; two wires need two ports"
+                    yield RuleViolation((*key, "port"), message, part.port)
+                taken[part.port] = ".".join(key)
 
     def _drive_rules(self) -> Iterator[RuleViolation]:
         """Check that all drives are nodes of the one bus, or slaves of the one segment."""

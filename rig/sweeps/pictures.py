@@ -29,6 +29,7 @@ from rig.stations import shown, station_names
 
 _MAX_COLUMNS = 4  # of panels side by side
 _MAX_TICKS = 6
+_LABEL_GAP = 0.035  # of the range of the lines' ends, between two labels
 _MAX_LINES = 40  # of one panel; more cannot be distinguished
 
 
@@ -239,7 +240,7 @@ def _write_lines(
     """Plot power over each parameter, one line per row, the other parameters at their best."""
     width, title = max(6.6, 3.2 * len(swept) + 0.6), f"Power over parameters: {_campaign(table)}"
     fixed = f"others at the best: {_format_values(table, indices)}" if len(indices) > 1 else ""
-    lines = "one line per row, rows numbered from 0"
+    lines = "one line per row, its number at the right end"
     beneath = "; ".join(filter(None, (lines, fixed, measured.caption)))
     figure, body = picture.framed_figure(width, 8.2, title, table.attrs, subtitle=beneath)
     stations = shown(stations_of(table))
@@ -274,6 +275,7 @@ def _plot_rows(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name:
     thinned = np.argsort(lowest)[:_MAX_LINES]
     for row in thinned:
         axes.plot(x[order], values[order, row], join or ".", color=MUTED, lw=0.6, ms=3, alpha=0.7)
+    _label_rows(axes, x[order][-1], values[order[-1]], table["row"].values, thinned)
     axes.plot(x[order], values[order, best], f"o{join}", color=DARK, lw=1.4, ms=3.5)
     end = int(np.nanargmin(np.where(np.isfinite(values[:, best]), values[:, best], np.inf)))
     panel.mark_best(axes, float(x[end]), float(values[end, best]))
@@ -289,6 +291,22 @@ def _plot_rows(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name:
         va="top",
     )
     axes.margins(0.08, 0.16)
+
+
+def _label_rows(axes: Axes, x: float, values: Any, rows: Any, thinned: Any) -> None:
+    """Label the lines with their rows at the right end, as far as the labels have room."""
+    ends = [place for place in thinned if np.isfinite(values[place])]
+    if not ends:
+        return
+    low, high = (float(end(values[ends])) for end in (np.min, np.max))
+    gap, below = _LABEL_GAP * (high - low), -np.inf
+    for place in sorted(ends, key=lambda each: values[each]):
+        if values[place] - below > gap:
+            axes.annotate(
+                str(rows[place]), (float(x), float(values[place])), xytext=(5, 0),
+                textcoords="offset points", fontsize=6.5, color=MUTED, va="center",
+            )  # fmt: skip
+            below = values[place]
 
 
 def _plot_measured(axes: Axes, base: float | None, station: str, measured: MeasuredRun) -> None:

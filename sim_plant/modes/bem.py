@@ -16,9 +16,18 @@ import numpy as np
 
 from sim_plant.bem import Bem
 from sim_plant.modes import bemio, capytaine, nemoh, wamit
-from sim_plant.modes.bem_content import BemContent, Complexes, Floats, Water, rotates
+from sim_plant.modes.bem_content import (
+    BemContent,
+    Centres,
+    Complexes,
+    Floats,
+    Water,
+    rotates,
+)
 
 MAX_ASYMMETRY = 0.15  # of the diagonal's geometric mean: more is no radiation problem at rest
+MAX_NEGATIVE = 0.2  # of the sum of positive damping: more is no rounding or irregular frequency
+SMALL_DAMPING = 0.02  # of the impedance of A_inf: the accuracy of the damping of a deep body
 SUFFIXES = (".nc", ".h5", ".out", *wamit.NUMERIC_SUFFIXES, ".cal")
 
 
@@ -42,6 +51,7 @@ class BemModes(NamedTuple):
     volume: tuple[float | None, ...]  # m3, displaced by the body of each mode; None: not stated
     inertia: Floats | None  # (n, n), kg, kg m or kg m2; NaN: not stated
     inertia_source: str
+    centres: tuple[Centres | None, ...]  # of each mode's body; None: not stated
 
 
 class UnknownModesError(ValueError):
@@ -195,6 +205,7 @@ def choose(
     for field, values in fields.items():
         _check_symmetry(path, field, values, [names[k] for k in kept])
     infinite, method = _infinite(path, content, kept, used, fields)
+    _check_damping(path, used, fields["damping"], infinite, [names[k] for k in kept])
     stiffness = content.stiffness
     if stiffness is not None:
         stiffness = stiffness[np.ix_(kept, kept)]
@@ -218,6 +229,7 @@ def choose(
         tuple(content.volume[k] for k in kept),
         None if content.inertia is None else content.inertia[np.ix_(kept, kept)],
         content.inertia_source,
+        tuple(content.centres[k] if content.centres else None for k in kept),
     )
 
 
@@ -244,6 +256,25 @@ def _check_symmetry(path: Path, field: str, values: Floats, names: Sequence[str]
             f"{gap[i, j] / max(scale[i, j], 1e-300):.1%} of their diagonals; allowed: "
             f"{MAX_ASYMMETRY:.0%} (is the body at rest, and the file complete?)"
         )
+
+
+def _check_damping(
+    path: Path, omega: Floats, damping: Floats, infinite: Floats, names: Sequence[str]
+) -> None:
+    """Raise ValueError for a mode with notable negative damping: waves only take energy away."""
+    rounding = 1.0e-9 * np.abs(damping).max()
+    for k, name in enumerate(names):
+        own = damping[:, k, k]
+        least = SMALL_DAMPING * omega * abs(infinite[k, k]) + rounding
+        negative = float(own[own < -least].sum())
+        if -negative > MAX_NEGATIVE * float(own[own > 0.0].sum()):
+            worst = int(own.argmin())
+            unit = "N*m*s" if rotates(name) else "N*s/m"
+            raise ValueError(
+                f"{path}: radiation damping of {name} is negative: {own[worst]:.4g} {unit} at "
+                f"{omega[worst] / (2.0 * np.pi):.4g} Hz; waves only take energy away (is the sign "
+                "of the file's damping reversed?)"
+            )
 
 
 def _symmetric(values: Floats) -> Floats:

@@ -28,6 +28,26 @@ class Water(NamedTuple):
     length_scale: float | None = None  # m, ULEN of WAMIT's numeric files
 
 
+class Centres(NamedTuple):
+    """Point about which the rotations of a body turn, and its centre of mass; x, y, z, m."""
+
+    rotation: tuple[float, ...]
+    mass: tuple[float, ...]
+
+    def lever(self, rotation: str) -> Floats:
+        """Return the motion of the centre of mass per angle of a rotation, x, y, z, m/rad."""
+        turned = np.eye(3)[_degree(rotation) - 3]
+        motion: Floats = np.cross(turned, np.subtract(self.mass, self.rotation))
+        return motion
+
+    def text(self, rotation: str) -> str:
+        """Return the two points of a rotation, for messages."""
+        turning, mass = (
+            ", ".join(f"{each:g}" for each in point) for point in (self.rotation, self.mass)
+        )
+        return f"{rotation} turns about ({turning}) m, but the centre of mass is ({mass}) m"
+
+
 class BemContent(NamedTuple):
     """All modes and directions of a file, before the choice of some; frequencies may descend.
 
@@ -52,6 +72,7 @@ class BemContent(NamedTuple):
     inertia_source: str = ""
     problems: tuple[str, ...] = ()  # what has to be chosen before the content means anything
     scaling: str = "dimensional, SI"  # the file's own; the values here are dimensional
+    centres: tuple[Centres | None, ...] = ()  # of each mode's body; empty or None: not stated
 
 
 MINUS, PLUS = "e^{-i omega t}", "e^{+i omega t}"
@@ -109,7 +130,19 @@ def body_of(mode: str) -> str:
 
 def rotates(mode: str) -> bool:
     """Return whether a mode, by its name, is an angle."""
-    return mode.rpartition("__")[2].capitalize() in RIGID_MODES[3:]
+    return _degree(mode) >= RIGID_MODES.index("Roll")
+
+
+def direction_of(mode: str) -> int | None:
+    """Return the direction in which a mode moves its body, 0: x, 1: y, 2: z; None of others."""
+    degree = _degree(mode)
+    return degree if 0 <= degree < RIGID_MODES.index("Roll") else None
+
+
+def _degree(mode: str) -> int:
+    """Return the place of a mode among the `RIGID_MODES`; -1: it is another one."""
+    name = mode.rpartition("__")[2].capitalize()
+    return RIGID_MODES.index(name) if name in RIGID_MODES else -1
 
 
 def stated_water(path: Path, found: Water, given: Water) -> tuple[float, float, float]:

@@ -19,6 +19,7 @@ from sim_plant.bem import open_regular_file
 from sim_plant.modes.bem_content import (
     MINUS,
     BemContent,
+    Centres,
     Complexes,
     Floats,
     Water,
@@ -121,6 +122,7 @@ def _read(path: Path, fields: Fields, water: Water, version: str) -> BemContent:
         inertia,
         "inertia_matrix of the BEM file",
         problems,
+        centres=tuple(_centres(fields, rows)),
     )
 
 
@@ -173,14 +175,32 @@ def _volumes(fields: Fields, modes: list[str], density: float) -> Iterator[float
         if volumes.size == 1:
             yield float(volumes[0]) if volumes[0] > 0.0 else None
             continue
-        bodies = [
-            each.decode() if isinstance(each, bytes) else str(each)
-            for key in ("body", "body_name")
-            if key in fields
-            for each in np.atleast_1d(fields[key].values).tolist()
+        found = [
+            v for v, body in zip(volumes, _bodies(fields), strict=False) if body == body_of(mode)
         ]
-        found = [v for v, body in zip(volumes, bodies, strict=False) if body == body_of(mode)]
         yield float(found[0]) if found and found[0] > 0.0 else None
+
+
+def _bodies(fields: Fields) -> list[str]:
+    """Return the names of the bodies."""
+    return [
+        each.decode() if isinstance(each, bytes) else str(each)
+        for key in ("body", "body_name")
+        if key in fields
+        for each in np.atleast_1d(fields[key].values).tolist()
+    ]
+
+
+def _centres(fields: Fields, modes: list[str]) -> Iterator[Centres | None]:
+    """Yield the centres of each mode's body, where the file states both as finite numbers."""
+    for mode in modes:
+        found = []
+        for name in ("rotation_center", "center_of_mass"):
+            points = fields[name].values.reshape(-1, 3) if name in fields else np.empty((0, 3))
+            bodies = _bodies(fields) if len(points) > 1 else [body_of(mode)]
+            own = [p for p, body in zip(points, bodies, strict=False) if body == body_of(mode)]
+            found += [tuple(map(float, p)) for p in own[:1] if np.all(np.isfinite(p))]
+        yield Centres(*found) if len(found) == len(Centres._fields) else None
 
 
 def _field(path: Path, fields: Fields, name: str) -> Field:

@@ -170,8 +170,11 @@ def total_response(radiation: Radiation, omega: Floats) -> Complexes:
 
 
 def wave_band(target: Complexes) -> Mask:
-    """Return a mask of the frequencies at which some mode radiates notable waves."""
-    damping = np.einsum("wii->wi", target).real
+    """Return a mask of the frequencies at which some mode radiates notable waves.
+
+    By magnitude, because the damping of a deep body is rounding, which may be negative throughout.
+    """
+    damping = np.abs(np.einsum("wii->wi", target).real)
     notable = np.flatnonzero((damping >= WAVE_BAND * damping.max(axis=0)).any(axis=1))
     indices = np.arange(target.shape[0])
     mask: Mask = (indices >= notable[0]) & (indices <= notable[-1])

@@ -282,6 +282,11 @@ def test_constant_fields_are_listed_and_not_drawn(complete_run: Path, tmp_path: 
     every = imread(write_traces(complete_run, tmp_path / "all.png", ["heave.*"]))
     assert every.shape[0] < 1.1 * every.shape[1]  # no tall strip
     data = {"a": np.ones(5), "b": np.arange(5.0), "c": np.full(5, np.nan), "d": np.zeros(5)}
+    assert traces._panel_label(["heave.estimate.position", "surge.estimate.position"], "m") == (
+        "position, m"
+    )
+    assert traces._panel_label(["power.ac", "power.dc"], "W") == "power, W"
+    assert traces._panel_label(["plan.phase"], "index") == "phase"
     constant = traces._constant_fields(data, list(data))
     assert constant == ["a", "d"]
     units = {"a": "N*s/m", "d": "flag"}

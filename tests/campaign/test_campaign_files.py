@@ -215,7 +215,7 @@ matrix:
     ((_, line, key, message),) = reported_problems(write(body))
     assert (line, key) == (8, "matrix.grid[0].ki_n_per_m[2]")
     assert message.startswith(
-        "point 2 and 1 more (spring -5715 N/m, Ki 15000 N/m) leaves 2405 N/m of "
+        "point 2 (and 1 more like it) (spring -5715 N/m, Ki 15000 N/m) leaves 2405 N/m of "
         "stiffness, less than 3000; at this spring rate Ki is allowed up to 14405 N/m"
     )
 

@@ -114,6 +114,8 @@ def test_gains_are_around_the_greatest_power_of_linear_theory() -> None:
     assert ki[200, 0] == 0.0
     assert grid.kp[1] == pytest.approx(kp[200, passive.argmax()], rel=0.03)  # two digits
     assert min(grid.kp) < kp[200, passive.argmax()] < max(grid.kp)
+    for values in (grid.kp, grid.ki):  # so that surfaces are drawn from an even grid
+        np.testing.assert_allclose(np.diff(values), values[1] - values[0])
     motions = [
         0.1 * excitation / abs(impedance - complex(p, -i / omega)) / omega
         for p in grid.kp
@@ -190,6 +192,8 @@ def test_a_rotating_axis_has_its_own_units(tmp_path: Path) -> None:
     (grid,) = load(tmp_path / "buoy" / "campaign.yaml")["matrix"]["grid"]
     assert set(grid) == {"kp_n_m_s_per_rad", "ki_n_m_per_rad"}
     assert "formula: arm_force * arm_velocity" in texts["rig"]
+    assert "# The moment on the body is M = Kp v + Ki x" in texts["campaign"]
+    assert "M/v = -conj(Z)" in texts["campaign"].replace("\n# ", " ")
     assert "# kg*m2; inertia_matrix of the BEM file" in texts["plant"]
     all_texts = "".join(texts.values()).replace("amplitude_m: ", "")
     assert [each for each in ("_per_m:", "N/m", "N*s/m", "_m: ") if each in all_texts] == []

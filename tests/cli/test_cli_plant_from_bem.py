@@ -64,6 +64,13 @@ def test_three_coupled_modes(tmp_path: Path) -> None:
     omega = 2.0 * np.pi / heave["natural_period_s"]
     added = np.interp(omega / 2.0 / np.pi, bem.frequency, bem.added_mass[:, 1, 1])
     assert omega**2 * (heave["mass"] + added) == pytest.approx(heave["stiffness"], rel=2e-3)
+    # Haskind's relation of an axisymmetric body in heave, in deep water: B = omega^3 |X|^2 /
+    # (2 rho g^3). The mesh of the file keeps it within 2.4 %.
+    force = np.interp(omega / 2.0 / np.pi, bem.frequency, np.abs(bem.excitation[:, 1]))
+    assert heave["damping_at_resonance"] == pytest.approx(
+        omega**3 * force**2 / (2.0 * 1000.0 * 9.81**3), rel=0.03
+    )
+    assert heave["added_mass_at_resonance"] == pytest.approx(added, rel=1e-6)
     plant = Plant.model_validate(load(tmp_path / "body.yaml"))
     assert plant.radiation == "body.radiation.json"
     assert list(plant.axes) == ["surge", "heave", "pitch"]
@@ -388,3 +395,32 @@ def test_a_damaged_fit_is_refused(tmp_path: Path, edit: Any, message: str) -> No
     path.write_text(json.dumps(given))
     with pytest.raises(ValueError, match=f"fit.json: .*{message}"):
         stored_radiation.read(path, fitted.bem)
+
+
+def off_centre(folder: Path) -> Path:
+    """Return the cylinder with its centre of mass 0.15 m below the axis of its pitch."""
+    changed = mode_plants.dataset().assign(center_of_mass=("space_coordinate", [0.0, 0.0, -0.45]))
+    return mode_plants.saved(folder / "off_centre.nc", changed)
+
+
+CENTRES = "Pitch turns about (0, 0, -0.3) m, but the centre of mass is (0, 0, -0.45) m"
+
+
+def test_a_rotation_off_the_centre_of_mass_with_the_translation_it_couples_is_refused(
+    tmp_path: Path,
+) -> None:
+    bem = off_centre(tmp_path)
+    done = from_bem(tmp_path, bem, *THREE)
+    assert done.returncode == 2
+    assert (
+        f"{CENTRES}: that couples Surge and Pitch by a mass, which a plant has not" in done.stderr
+    )
+    assert "couples Heave" not in done.stderr  # the centre of mass is below the axis
+    given = ("--mass", "Surge=3135", "--mass", "Pitch=1500")
+    assert from_bem(tmp_path, bem, *THREE, *given).returncode == 0
+
+
+def test_a_rotation_alone_off_the_centre_of_mass_is_a_warning(tmp_path: Path) -> None:
+    done = from_bem(tmp_path, off_centre(tmp_path), "--dof", "Pitch", "--stiffness", 20000)
+    assert done.returncode == 0, done.stderr
+    assert re.search(rf"warning: modes.pitch.mass: .* kg.m2: {re.escape(CENTRES)}", done.stdout)

@@ -362,3 +362,40 @@ def test_broken_bemio_files_are_refused(tmp_path: Path) -> None:
         del file["body1"]
     with pytest.raises(ValueError, match="has no group 'body1'; it has simulation_parameters"):
         read_modes(path)
+
+
+# Signs and centres.
+def test_negative_radiation_damping_is_named(tmp_path: Path) -> None:
+    changed = dataset()
+    damping = changed["radiation_damping"]
+    changed["radiation_damping"] = damping.where(damping.radiating_dof != "Heave", -damping)
+    path = saved(tmp_path / "reversed.nc", changed)
+    peak = cylinder().damping[:, 1, 1]
+    at, worst = cylinder().frequency[peak.argmax()], peak.max()
+    text = f"reversed.nc: radiation damping of Heave is negative: {-worst:.4g} N.s/m at {at:.4g} Hz"
+    with pytest.raises(ValueError, match=text):
+        read_modes(path)
+    assert read_modes(path, ("Surge",)).modes == ("Surge",)
+
+
+def test_one_negative_value_is_left_to_the_fit(tmp_path: Path) -> None:
+    """As of an irregular frequency."""
+    changed = dataset()
+    changed["radiation_damping"].values[30, 1, 1] *= -1.0
+    assert read_modes(saved(tmp_path / "spike.nc", changed)).damping[:, 1, 1].min() < 0.0
+
+
+def test_centres_of_rotation_and_mass_are_read_of_each_body(tmp_path: Path) -> None:
+    assert cylinder().centres == (None,) * 3  # the file has no centre of mass
+    one = dataset().assign(center_of_mass=("space_coordinate", [0.0, 0.0, -0.45]))
+    centres = read_modes(saved(tmp_path / "one.nc", one)).centres[2]
+    assert centres is not None
+    assert (centres.rotation, centres.mass) == ((0.0, 0.0, -0.3), (0.0, 0.0, -0.45))
+    # e_y x (0, 0, -0.15): pitch moves a centre of mass below the axis to -x.
+    np.testing.assert_allclose(centres.lever("Pitch"), [-0.15, 0.0, 0.0])
+    np.testing.assert_allclose(centres.lever("Yaw"), 0.0, atol=1e-12)
+    points = [[0.0, 0.0, -0.3], [0.0, 0.0, -2.0]]
+    two = dataset(TWO_BODY).assign(rotation_center=(("body", "space_coordinate"), points))
+    of_disc = read_modes(saved(tmp_path / "two.nc", two)).centres[1]
+    assert of_disc is not None
+    assert (of_disc.rotation[2], of_disc.mass[2]) == (-2.0, -2.65)

@@ -161,7 +161,9 @@ def test_a_held_row_is_a_warning(limits: dict[str, Any], end: str, tmp_path: Pat
     assert code == 0
     (warning,) = (each for each in report["warnings"] if "equilibrium" in each["message"])
     assert warning["key"] == "matrix.grid[0].ki_n_per_m[1]"
-    assert warning["message"].startswith("point 1 and 1 more leaves no equilibrium: Ki 9000 N/m")
+    assert warning["message"].startswith(
+        "point 1 (and 1 more like it) leaves no equilibrium: Ki 9000 N/m"
+    )
     assert warning["message"].endswith(f"; {end}")
 
 

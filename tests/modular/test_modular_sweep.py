@@ -77,15 +77,33 @@ def test_check_simulates_the_rows_where_the_loop_is_compiled(
     (line,) = [each for each in text.splitlines() if each.startswith("  1 -3000")]
     assert f" {report['simulated'][1]['power_mechanical']:.4g} " in line
     tight = shutil.copytree(campaign.parent, tmp_path / "tight")
-    peak = max(row["position_peak"] for row in report["simulated"])
+    first, second = (row["position_peak"] for row in report["simulated"])
+    assert first < 0.9 * second
     limits = (tight / "limits.yaml").read_text()
-    for name, share in (("warn", 0.7), ("stop", 0.8)):
-        limits = re.sub(rf"position_{name}_m: \S+", f"position_{name}_m: {share * peak}", limits)
+    for name, stop in (("warn", first), ("stop", 0.5 * (first + second))):
+        limits = re.sub(rf"position_{name}_m: \S+", f"position_{name}_m: {stop}", limits)
     (tight / "limits.yaml").write_text(limits)
     report = run_rig("check", tight / "campaign.yaml")
     assert report["ok"]
-    assert "simulated, the run stops with POSITION in row" in report["warnings"][0]["message"]
-    assert report["simulated"][-1]["state"] == "not run"
+    states = [row["state"] for row in report["simulated"]]
+    lacking = states.index("not run")
+    assert 0 < lacking < len(states)
+    message = (
+        f"POSITION in row {lacking} or before it; {len(states) - lacking} of {len(states)} rows"
+    )
+    assert f"simulated, the run stops with {message}" in report["warnings"][0]["message"]
+    assert rig_here("check", tight / "campaign.yaml").stdout.endswith("the campaign can be run\n")
+    limits = re.sub(r"velocity_stop_m_per_s: \S+", "velocity_stop_m_per_s: 0.01", limits)
+    (tight / "limits.yaml").write_text(limits)
+    done = rig_here("check", tight / "campaign.yaml")
+    assert done.returncode == 2
+    assert f"VELOCITY in row 0 or before it; {len(states)} of {len(states)} rows" in done.stdout
+    assert done.stdout.endswith("the campaign cannot be run\n")
+    refused = json.loads(rig_here("check", tight / "campaign.yaml", "--json").stdout)
+    assert not refused["ok"]
+    assert [each["message"] for each in refused["problems"]] == [
+        each["message"] for each in refused["warnings"]
+    ]
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     report = run_rig("check", campaign)
     assert "not compiled on this host yet" in report["not_simulated"]

@@ -80,6 +80,10 @@ FREE = "pitch.analog_1, heave.analog_1, meter.dc, cell.fx, cell.fy, cell.fz, cel
          "- 0.0", "0 gives no value"),
         (("wiring", "axes", "pitch", "node"), 5, "wiring.axes.heave.node", "node: 5",
          "5 is the number of axes.pitch.node, too; two nodes need two numbers"),
+        (("wiring", "axes", "pitch", "objects", "encoder_increments"), 2000,
+         "wiring.axes.pitch.objects.encoder_increments", "encoder_increments: 2000",
+         "gives 2000 increments per revolution of the motor; allowed at least the "
+         "counts_per_revolution of axes.pitch, "),
         (("wiring", "can", "own_node"), 6, "wiring.can.own_node", "own_node: 6",
          "6 is the number of axes.pitch.node, too"),
         (("wiring", "axes", "pitch"), DELETE, "wiring.axes", "axes:",

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from rig.kinds.modular.from_bem import FittedPlant, PlantReport
 from rig.presentation.picture import ACCENT, DARK, HIGHLIGHT, MUTED, lay_out, style_axes
@@ -130,12 +131,13 @@ def _excitation(axes: Axes, bem: BemModes, mode: int) -> None:
     force = bem.excitation[:, mode]
     unit = "N·m/m" if rotates(bem.modes[mode]) else "N/m"
     axes.plot(bem.frequency, np.abs(force), color=DARK, lw=1.3)
-    axes.set_title(f"excitation, {unit}; phase (dotted), deg", fontsize=8, color=DARK, loc="left")
+    axes.set_title(f"excitation, {unit}", fontsize=8, color=DARK, loc="left")
     axes.set_ylim(bottom=0.0)
     phase = axes.twinx()
     notable = np.abs(force) > 1.0e-3 * np.abs(force).max()
     angle = np.where(notable, np.degrees(np.unwrap(np.angle(force))), np.nan)
     phase.plot(bem.frequency, angle, color=MUTED, lw=1.2, ls=":")
+    phase.set_ylabel("phase (dotted), deg", fontsize=8, color=MUTED)
     style_axes(phase)
 
 
@@ -156,7 +158,8 @@ def _errors(axes: Axes, fitted: FittedPlant, pairs: list[tuple[int, int]]) -> No
         axes.plot(bem.frequency, error[:, i, j], lw=1.0, label=label)
     axes.axhline(100.0 * radiation.TOLERANCE, color=MUTED, lw=0.8, ls="--")
     axes.axvspan(*fitted.report.wave_band_hz, color=HIGHLIGHT, alpha=0.12, lw=0)
-    axes.set_ylim(0.0, 1.3 * max(100.0 * radiation.TOLERANCE, 100.0 * float(memory.error.max())))
+    drawn = max(float(error[:, i, j].max()) for i, j in pairs)
+    axes.set_ylim(0.0, 1.25 * max(100.0 * radiation.TOLERANCE, drawn))  # room for the legend
     axes.set_xlim(0.0, float(bem.frequency[-1]))
     title = "error of the fit, % of the peak; shaded: wave band"
     axes.set_title(title, fontsize=8, color=DARK, loc="left")
@@ -175,7 +178,11 @@ def _passivity(axes: Axes, fitted: FittedPlant) -> None:
     axes.loglog(omega / (2.0 * np.pi), np.maximum(own, 1.0e-12), color=ACCENT, lw=1.1)
     axes.loglog(bem.frequency, np.where(of_file > 0.0, of_file, np.nan), **(_FILE | {"label": ""}))
     axes.set_ylim(1.0e-8, 3.0)
-    title = "eigenvalues of the damping: positive, so passive"
+    axes.xaxis.set_major_locator(LogLocator(numticks=6))
+    axes.yaxis.set_major_locator(LogLocator(numticks=6))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_minor_locator(NullLocator())
+    title = "eigenvalues of the damping, of the peak: positive, so passive"
     axes.set_title(title, fontsize=8, color=DARK, loc="left")
     axes.set_xlabel("frequency, Hz", fontsize=8, color=DARK)
 
@@ -201,9 +208,9 @@ def _facts(axes: Axes, report: PlantReport) -> None:
     lines = [f"{'mode':14}{'mass':>10}{'A_inf':>10}{'stiffness':>10}{'period':>8}"]
     for mode in report.modes[:8]:
         period = "" if mode.natural_period_s is None else f"{mode.natural_period_s:.2f} s"
-        infinite = mode.added_mass_infinite + mode.added_mass_correction
         lines.append(
-            f"{mode.dof[:13]:14}{mode.mass:10.5g}{infinite:10.5g}{mode.stiffness:10.5g}{period:>8}"
+            f"{mode.dof[:13]:14}{mode.mass:10.5g}{mode.added_mass_infinite:10.5g}"
+            f"{mode.stiffness:10.5g}{period:>8}"
         )
     worst = max(term.error for term in report.terms)
     lines += [
@@ -211,7 +218,7 @@ def _facts(axes: Axes, report: PlantReport) -> None:
         f"{report.states} states,",
         f"poles {report.slowest_pole:.2g} .. {report.fastest_pole:.2g} rad/s",
         f"largest error {worst:.2%} of the peak",
-        f"smallest damping {report.damping_margin:.0e} of the largest",
+        f"damping at least {report.damping_margin:.0e} of its peak",
     ]
     axes.text(0.0, 1.0, "\n".join(lines), fontsize=7.5, family="monospace", color=DARK, va="top",
               transform=axes.transAxes)  # fmt: skip

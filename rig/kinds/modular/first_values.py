@@ -6,6 +6,7 @@ driven by F_pto = Z_pto T Z^-1 F, as one body would be: f = G u gives u = (Z_pto
 """
 
 import math
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,8 +34,9 @@ MAX_STOP = 2.0  # m, the farthest position stop that a limits file may have
 _COUNTS_PER_JUMP = 100  # resolution of the largest allowed jump
 _STEEPNESS = 0.1  # amplitude times wave number of the waves: linear theory holds
 _BELOW_RESONANCE = 0.75  # wave frequency over the axis's, so that the match needs a Ki > 0
-_KI_SHARES = (0.0, 0.25, 0.5)  # of the match, or of the static stiffness where that is less
-_KP_SHARES = (1.5, 1.0, 0.75, 0.5)  # of |Z|
+_STEP = 0.25  # of the match or of |Z|; rounded, so that the grid is even
+_KI_STEPS = (0, 1, 2)  # of the match, or of the static stiffness where that is less
+_KP_STEPS = (5, 4, 3, 2)  # of |Z|
 _MAX_GEAR = 1000.0
 _ROUNDING = 1.0e-5  # m or rad per m of amplitude: yaw of a round body, which no wave excites
 
@@ -85,8 +87,8 @@ def first_values(
     omega = 2.0 * math.pi * linear.frequency
     grids = _gains(linear)
     speeds, forces = np.zeros((2, len(grids)))
-    for p in range(len(_KP_SHARES)):
-        for i in range(len(_KI_SHARES)):
+    for p in range(len(_KP_STEPS)):
+        for i in range(len(_KI_STEPS)):
             gains = np.array([complex(each.kp[p], -each.ki[i] / omega) for each in grids])
             speed = np.abs(np.linalg.solve(linear.impedance - np.diag(gains), linear.excitation))
             speeds, forces = np.maximum(speeds, speed), np.maximum(forces, np.abs(gains) * speed)
@@ -203,11 +205,18 @@ def _gains(linear: LinearPlant) -> list[AxisGrid]:
     return [
         AxisGrid(
             complex(z), float(end),
-            tuple(-rounded(share * abs(z), 2) for share in _KP_SHARES),
-            tuple(rounded(share * end, 2) + 0.0 for share in _KI_SHARES),
+            tuple(-each for each in _steps(abs(z), _KP_STEPS)),
+            tuple(_steps(float(end), _KI_STEPS)),
         )
         for z, end in zip(seen, limit, strict=True)
     ]  # fmt: skip
+
+
+def _steps(largest: float, numbers: Iterable[int]) -> Iterator[float]:
+    """Yield multiples of one step with two digits."""
+    step = rounded(_STEP * largest, 2)
+    for number in numbers:
+        yield rounded(number * step, 6) + 0.0  # no -0
 
 
 def _amplitude(linear: LinearPlant, motion: float, amplitude: float | None) -> float:

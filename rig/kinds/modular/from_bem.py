@@ -46,7 +46,9 @@ class ModeReport(NamedTuple):
     added_mass_correction: float  # by the fit
     stiffness: float
     stiffness_source: str
-    natural_period_s: float | None  # of this mode alone; None: outside the file's band
+    natural_period_s: float | None  # undamped, of this mode alone; None: outside the file's band
+    added_mass_at_resonance: float | None  # of the file, at the natural period
+    damping_at_resonance: float | None  # radiation damping of the file, N*s/m or N*m*s
     states: int  # of the radiation that its velocity drives
 
 
@@ -157,6 +159,11 @@ def natural_period(bem: BemModes, mode: int, mass: float, stiffness: float) -> f
     return None
 
 
+def coefficient_at(bem: BemModes, values: Floats, period: float) -> float:
+    """Return a coefficient over the file's frequencies at a period (s), linear between them."""
+    return float(np.interp(1.0 / period, bem.frequency, values))
+
+
 def wave_band(bem: BemModes) -> Floats:
     """Return the frequencies (Hz) at which some mode radiates notable waves."""
     return bem.frequency[radiation.wave_band(impedance(bem))]
@@ -168,6 +175,9 @@ def _report(
     """Return the report of a fitted plant."""
     bem, content = chosen.bem, chosen.content
     memory = model.radiation
+    periods = [
+        natural_period(bem, k, mode.mass, mode.stiffness) for k, mode in enumerate(chosen.modes)
+    ]
     modes = tuple(
         ModeReport(
             mode.dof,
@@ -180,10 +190,14 @@ def _report(
             float(memory.added_mass[k, k]),
             mode.stiffness,
             mode.stiffness_source,
-            natural_period(bem, k, mode.mass, mode.stiffness),
+            period,
+            None if period is None else coefficient_at(bem, bem.added_mass[:, k, k], period),
+            None if period is None else coefficient_at(bem, bem.damping[:, k, k], period),
             memory.source.count(k),
         )
-        for k, (mode, volume) in enumerate(zip(chosen.modes, bem.volume, strict=True))
+        for k, (mode, volume, period) in enumerate(
+            zip(chosen.modes, bem.volume, periods, strict=True)
+        )
     )
     terms = tuple(
         TermReport(bem.modes[i], bem.modes[j], float(memory.error[i, j]))
@@ -222,6 +236,11 @@ def _warnings(bem: BemModes, model: PlantModel) -> Iterator[str]:
     for key, _, message in plant_findings(model.plant, bem):
         yield f"{'.'.join(map(str, key))}: {message}"
     for k, (dof, mode) in enumerate(zip(bem.modes, model.plant.modes.values(), strict=True)):
+        if (mode.stiffness or 0.0) < 0.0:
+            yield (
+                f"{dof}: a stiffness of {mode.stiffness:g} is below 0: without a mooring or a "
+                "spring that holds it, the mode capsizes"
+            )
         if not (mode.linear_damping > 0.0 or mode.quadratic_damping > 0.0):
             yield (
                 f"{dof}: no viscous damping, because the first value is a share of critical, which "
@@ -259,6 +278,17 @@ def _sum_text(factors: Mapping[str, float]) -> str:
     return text.removeprefix("+ ")
 
 
+def _resonance_text(mode: ModeReport) -> str:
+    """Return the coefficients of the file at the undamped resonance, to verify them."""
+    assert mode.natural_period_s is not None
+    units = ("kg*m2", "N*m*s") if rotates(mode.dof) else ("kg", "N*s/m")
+    return (
+        f"{mode.dof:18}undamped resonance at {1.0 / mode.natural_period_s:.4g} Hz: "
+        f"A = {mode.added_mass_at_resonance:.5g} {units[0]}, "
+        f"B = {mode.damping_at_resonance:.5g} {units[1]}"
+    )
+
+
 def report_text(report: PlantReport) -> str:
     """Return the report for people."""
     same = "as in the plant" if report.phase == MINUS else f"conjugated to {MINUS} for the plant"
@@ -293,10 +323,11 @@ def report_text(report: PlantReport) -> str:
         f"{mode.stiffness_source}"
         for mode in report.modes
     ]
+    lines += [_resonance_text(mode) for mode in report.modes if mode.natural_period_s is not None]
     lines += ["", f"{'radiation':12} {report.states} states, fitted in {report.fit_seconds:.2f} s; "
               f"poles {report.slowest_pole:.3g} .. {report.fastest_pole:.3g} rad/s, stable",
-              f"{'passive':12} at all frequencies: the smallest damping is "
-              f"{report.damping_margin:.1e} of the largest"]  # fmt: skip
+              f"{'passive':12} the fit's damping is nowhere negative; its smallest value is "
+              f"{report.damping_margin:.1e} of its peak"]  # fmt: skip
     for term in report.terms:
         if term.error > 5.0e-5 or term.influenced == term.radiating:
             pair = f"{term.influenced}, {term.radiating}"

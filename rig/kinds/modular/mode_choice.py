@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.kinds.modular.plant_checks import NEGLIGIBLE
+from rig.kinds.modular.plant_checks import NEGLIGIBLE, OFF_CENTRE
 from rig.kinds.modular.plant_text import (
     DAMPING_RATIO,
     AxisMotion,
@@ -21,7 +21,7 @@ from rig.kinds.modular.plant_text import (
     rounded,
 )
 from sim_plant.modes.bem import BemModes, choose, open_choices, read_content, stated_mass
-from sim_plant.modes.bem_content import BemContent, Water, rotates
+from sim_plant.modes.bem_content import BemContent, Water, body_of, direction_of, rotates
 from sim_plant.modes.building import factors_between
 
 OPEN_MASS_COUPLING = 0.01  # of the masses' geometric mean: a plant has a mass for each mode alone
@@ -81,6 +81,7 @@ def choose_modes(
     if dofs and set(dofs) <= set(content.modes):
         found += _missing_numbers(content, dofs, masses, stiffnesses, restored=restored)
         found += _mass_couplings(content, dofs, masses)
+        found += _off_centre_rotations(content, dofs, masses)
     found = [*(f"{options.bem}: {each}" for each in found), *problems]
     if found:
         raise ValueError("\n".join(found))
@@ -258,6 +259,25 @@ def _mass_couplings(
                 f"couples {one} and {other} by a mass of {term:.4g}, which a plant has not; rotate "
                 "about the centre of mass, or give --mass of both to leave it out"
             )
+
+
+def _off_centre_rotations(
+    content: BemContent, dofs: Sequence[str], masses: Mapping[str, float]
+) -> Iterator[str]:
+    """Yield the rotations that a centre of mass off their axis couples with a translation."""
+    centres = dict(zip(content.modes, content.centres, strict=False))
+    for turned in filter(rotates, dofs):
+        own = centres.get(turned)
+        for moved in dofs:
+            at = direction_of(moved)
+            if own is None or at is None or body_of(moved) != body_of(turned):
+                continue
+            if abs(own.lever(turned)[at]) > OFF_CENTRE and not {turned, moved} <= masses.keys():
+                yield (
+                    f"{own.text(turned)}: that couples {moved} and {turned} by a mass, which a "
+                    "plant has not; rotate about the centre of mass, or give --mass of both to "
+                    "leave it out"
+                )
 
 
 def _mode_entry(

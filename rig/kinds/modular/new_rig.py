@@ -168,7 +168,8 @@ def file_texts(
         bem_key(options.modes.bem, folder), _band(chosen), options.modes.water,
         options.modes.direction, None, chosen.modes, ptos,
     )  # fmt: skip
-    files = {file: fragment(file, rotary=False, **common, **own) for file, own in by_file.items()}
+    rotary = all(pto.motion.rotates for pto in ptos.values())
+    files = {file: fragment(file, rotary=rotary, **common, **own) for file, own in by_file.items()}
     return {**files, "plant": plant_text(name, entries)}
 
 

@@ -18,6 +18,7 @@ from sim_plant.modes.parameters import Plant
 
 MASS_GAP = 0.05  # of the displaced water: a body with more or less does not float as computed
 STIFFNESS_GAP = 0.05  # of the BEM file's
+OFF_CENTRE = 1.0e-3  # m: a centre of mass as near to the axis of rotation as this is on it
 NEGLIGIBLE = 1.0e-6  # of the largest stiffness: rounding of a zero
 
 UNEXCITED = 0.01  # of the variance of the waves, beyond the BEM file: a warning
@@ -33,6 +34,14 @@ def plant_findings(plant: Plant, bem: BemModes) -> Iterator[Finding]:
     for index, (name, mode) in enumerate(plant.modes.items()):
         if mode.dof is None:
             continue
+        centres = bem.centres[index] if rotates(mode.dof) else None
+        if centres is not None and np.abs(centres.lever(mode.dof)).max() > OFF_CENTRE:
+            yield (
+                ("modes", name, "mass"),
+                mode.mass,
+                f"{format_number(mode.mass)} kg*m2: {centres.text(mode.dof)}: inertia and "
+                "stiffness must be those about the axis of rotation, as of a body on a hinge",
+            )
         volume = bem.volume[index]
         if volume is not None and mode.dof.rpartition("__")[2].capitalize() == "Heave":
             displaced = bem.density * volume

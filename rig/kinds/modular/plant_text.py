@@ -35,6 +35,8 @@ _ROTARY = {
     "N*s/m": "N*m*s/rad",
     "N/m": "N*m/rad",
     "# N (": "# N*m (",
+    "The force on the body is F =": "The moment on the body is M =",
+    "F/v": "M/v",
     "kg;": "kg*m2;",
     "kg, ": "kg*m2, ",
 }

@@ -68,7 +68,6 @@ class CheckView:
         self._print_problems("refused", forecast.refused, "red")
         for line in report.prediction_lines():
             self._console.print(line, soft_wrap=True)
-        self._print_verdict(forecast)
 
     def _print_facts(self, report: CheckReport, forecast: Prediction) -> None:
         table = Table.grid(padding=(0, 2))
@@ -173,12 +172,6 @@ class CheckView:
             hidden = len(problems) - len(shown)
             self._console.print(f"and {hidden} more; --rows shows all", style=style)
         self._console.print()
-
-    def _print_verdict(self, forecast: Prediction) -> None:
-        if forecast.refused:
-            self._console.print("the campaign cannot be run", style="bold red")
-        else:
-            self._console.print("the campaign can be run", style="bold green")
 
 
 def _table(title: str, caption: str, columns: Iterable[tuple[str, str]], *last: str) -> Table:

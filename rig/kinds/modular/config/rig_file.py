@@ -158,6 +158,16 @@ class RigFile(PowerRigFile):
                     f"motor; allowed {axis.counts_per_revolution}, as axes.{name} has"
                 )
                 yield RuleViolation(("wiring", "axes", name, "objects", "feed"), message)
+            increments = _encoder_increments(drive)
+            if increments and axis and increments < axis.counts_per_revolution:
+                given = drive.objects["encoder_increments"]
+                message = (
+                    f"{given} gives {format_number(increments)} increments per revolution of the "
+                    f"motor; allowed at least the counts_per_revolution of axes.{name}, "
+                    f"{axis.counts_per_revolution}"
+                )
+                key = ("wiring", "axes", name, "objects", "encoder_increments")
+                yield RuleViolation(key, message, given)
 
     def _source_rules(self, wiring: ModularWiring) -> Iterator[RuleViolation]:
         """Check that sensors and values of the wiring belong to each other one by one."""
@@ -200,6 +210,16 @@ def _drive_counts(drive: TorqueDrive) -> float | None:
         return None
     feed, gear_shaft, gear_motor, feed_shaft = (float(value) for value in values if value)
     return feed * gear_shaft / (gear_motor * feed_shaft)
+
+
+def _encoder_increments(drive: TorqueDrive) -> float | None:
+    """Return the encoder's increments per revolution of the motor; None if the file lacks them.
+
+    A drive may scale them to fewer counts, but not to more.
+    """
+    increments = drive.objects.get("encoder_increments")
+    revolutions = drive.objects.get("encoder_motor_revolutions") or 1
+    return None if increments is None else increments / revolutions
 
 
 _DERIVED = ("law", "span_stop", "low", "high")  # fields that the composed types add to an axis's

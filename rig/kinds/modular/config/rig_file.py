@@ -24,12 +24,17 @@ UNITS = (
 """Units that a sensor may have."""
 
 
+CurrentBandwidth = Annotated[float, Field(ge=1, le=1e5)] | None
+"""-3 dB bandwidth of the drive's current loop, Hz; identification corrects the command for it."""
+
+
 class Translation(Axis):
     """A powered axis that translates."""
 
     motion: Literal["translation"]
     law: str | dict[str, Any] = "impedance"  # of campaigns without one; checked with them
     stop_damping_n_s_per_m: float = Field(gt=0, le=1e6)  # the force of a stop is -damping * v
+    current_bandwidth_hz: CurrentBandwidth = None
     force_sensor: str | None = None  # sensor (N) between drive and body, for identification
 
 
@@ -39,6 +44,7 @@ class Rotation(RotaryAxis):
     motion: Literal["rotation"]
     law: str | dict[str, Any] = "impedance"  # of campaigns without one; checked with them
     stop_damping_n_m_s_per_rad: float = Field(gt=0, le=1e6)  # during a controlled stop
+    current_bandwidth_hz: CurrentBandwidth = None
     force_sensor: str | None = None  # sensor (N*m) between drive and body
 
 
@@ -56,6 +62,7 @@ class Sensor(FileModel):
     unit: Literal[UNITS]  # type: ignore[valid-type]
     scale: float = Field(default=1.0, ge=-1e9, le=1e9)  # factor on the source's value
     offset: float = Field(default=0.0, ge=-1e9, le=1e9)  # added after scaling
+    lag_s: float = Field(default=0.0, ge=0, le=1)  # of filter and amplifier, for identification
     source: str | None = None  # DEVICE.VALUE; needed with wiring
     tare: bool = False  # its mean during the tare is its zero
     range: TupleOf[float] = Field(min_length=2, max_length=2, strict=False)  # not tared

@@ -179,3 +179,14 @@ def test_a_force_sensor_needs_the_unit_of_a_force(tmp_path: Path) -> None:
     (problem,) = caught.value.problems
     assert problem.key == "axes.heave.force_sensor"
     assert problem.message == "no sensor with the unit N; allowed load_cell"
+
+
+def test_a_station_by_command_says_so(tmp_path: Path) -> None:
+    """The rig that the program writes has one by sensor; a label of one's own is completed."""
+    write_rig(tmp_path)
+    path = tmp_path / "cylinder" / "rig.yaml"
+    found = [station.label for station in load_model(path, RigFile).power_stations]
+    assert found == ["absorbed by load cell", "mechanical by command", "electrical DC"]
+    change(path, lambda rig: rig["stations"]["mechanical"].update(label="mechanical"))
+    station = load_model(path, RigFile).power_stations[1]
+    assert station.label == "mechanical (by command)"

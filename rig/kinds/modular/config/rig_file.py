@@ -1,7 +1,8 @@
 """The rig file of a modular rig: its axes, its sensors and its power stations."""
 
 import keyword
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -86,9 +87,12 @@ class PowerStation(FileModel):
     running_mean: bool = True  # a row of the log has its mean so far
     shown: bool = True  # in pictures
 
-    def as_station(self, name: str) -> Station:
-        """Return the row of the table of stations."""
+    def as_station(self, name: str, axes: Iterable[str]) -> Station:
+        """Return the row of the table of stations; its label says if a force is the command."""
         label = self.label or name
+        commands = "|".join(f"{axis}_force" for axis in axes)
+        if re.search(rf"\b({commands})\b", self.formula) and "command" not in label:
+            label = f"{label} (by command)"
         return Station(
             name, self.formula, label, label, name, running_mean=self.running_mean, shown=self.shown
         )
@@ -117,7 +121,7 @@ class RigFile(PowerRigFile):
         signals = signal_names(self.axes, self.sensors)
         for name, station in self.stations.items():
             try:
-                power.compile_stations([station.as_station(name)], signals, __name__)
+                power.compile_stations([station.as_station(name, self.axes)], signals, __name__)
             except ValueError as error:
                 yield RuleViolation(("stations", name, "formula"), str(error), station.formula)
 
@@ -192,7 +196,7 @@ class RigFile(PowerRigFile):
     @property
     def power_stations(self) -> tuple[Station, ...]:
         """The table of power stations; without any in the file, that of the commanded forces."""
-        listed = tuple(station.as_station(name) for name, station in self.stations.items())
+        listed = tuple(each.as_station(name, self.axes) for name, each in self.stations.items())
         return listed or default_stations(self.axes)
 
 

@@ -95,7 +95,7 @@ def test_the_impedance_is_that_of_the_plant(tmp_path: Path, without: tuple[str, 
     assert (model.axis, model.frequency.size, model.periods) == ("heave", 17, 2)
     response, expected = model.responses["Z_i"], impedance(plant, model.frequency)
     error = response.value - expected
-    assert (np.abs(error) <= response.band).mean() >= 0.9  # 95 % bands
+    assert (np.abs(error) <= response.band).mean() >= 0.85  # of 17 lines in 95 % bands
     delay = np.angle(response.value / expected)[6:] / model.omega[6:]  # less noise up there
     if without:
         assert set(model.responses) == {"Z_i", "Y_i"}
@@ -141,11 +141,17 @@ def test_a_bem_file_is_compared_with_the_impedance(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.sampled
 def test_an_axis_that_rotates_has_its_units(tmp_path: Path) -> None:
-    plant = write_rig(tmp_path, dof="Pitch")
+    """With a damping in which the free motion decays in 60 s, and within the limit of 1.1 A."""
+    write_rig(tmp_path, dof="Pitch", reference=MULTISINE | {"amplitude_a": 0.8})
+    plant = change(
+        tmp_path / "cylinder" / "plant.yaml",
+        lambda plant: plant["modes"]["pitch"].update(linear_damping=600),
+    )
     run = measure(tmp_path)
     (model,) = identify([run]).models
     response, expected = model.responses["Z_i"], impedance(plant, model.frequency, "Pitch")
-    assert np.abs(response.value / expected - 1.0).max() < 0.005
+    error = np.abs(response.value - expected)
+    assert (error / np.abs(expected)).max() < 0.01
     done = rig_here("identify", run, "--no-pictures")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "M kg·m²  B N·m·s/rad  K N·m/rad" in done.stdout
@@ -185,8 +191,8 @@ def test_a_station_by_command_says_so(tmp_path: Path) -> None:
     """The rig that the program writes has one by sensor; a label of one's own is completed."""
     write_rig(tmp_path)
     path = tmp_path / "cylinder" / "rig.yaml"
-    found = [station.label for station in load_model(path, RigFile).power_stations]
+    found = [station.label for station in load_model(path, RigFile)[0].power_stations]
     assert found == ["absorbed by load cell", "mechanical by command", "electrical DC"]
     change(path, lambda rig: rig["stations"]["mechanical"].update(label="mechanical"))
-    station = load_model(path, RigFile).power_stations[1]
+    station = load_model(path, RigFile)[0].power_stations[1]
     assert station.label == "mechanical (by command)"

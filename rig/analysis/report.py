@@ -50,6 +50,7 @@ PROGRESS = "drawing surfaces and summary"
 NO_PRODUCTS = RunProducts((), {"optima": []})
 OPEN_LOOP = "Excited by an open-loop reference"
 IDENTIFY_HINT = "its impedance: rig identify"
+PROFILE_HINT = "a profile excites too few lines for an impedance: use a multisine"
 
 
 def _unfinished_text(contents: list[mcap_file.FileContents]) -> str:
@@ -77,7 +78,9 @@ def summarise_rows(
     if Path(run).is_dir():
         summary = summary._replace(rehearsed=certificate.deviation_texts(Path(run)))
     if has_excitation(run_facts):
-        findings = (str(run_facts.plan["reference"].get("words", "")), IDENTIFY_HINT)
+        reference = run_facts.plan["reference"]
+        hint = PROFILE_HINT if reference.get("kind") == "profile" else IDENTIFY_HINT
+        findings = (str(reference.get("words", "")), hint)
         summary = summary._replace(optima=(), effects=(), findings_of=OPEN_LOOP, findings=findings)
     return table, summary
 

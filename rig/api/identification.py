@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 PathLike = str | os.PathLike[str]
 
 
+_INTERVALS = ("mass_interval", "damping_interval", "stiffness_interval")
+
+
 class Identification:
     """Impedances of a device, identified from runs, as `rig identify` gives them.
 
@@ -35,7 +38,11 @@ class Identification:
 
     @cached_property
     def fits(self) -> "pandas.DataFrame":
-        """The parametric models: mass (kg), damping (N*s/m), stiffness (N/m), frequency (Hz)."""
+        """The parametric models: mass (kg), damping (N*s/m), stiffness (N/m), frequency (Hz).
+
+        Of an axis that rotates kg*m2, N*m*s/rad and N*m/rad. They are parameters of a fit, not
+        physical constants; `..._interval` is the half-width of the 95 % interval by its misfit.
+        """
         import pandas
 
         lines = [
@@ -49,19 +56,21 @@ class Identification:
                 "damping": fitted.damping,
                 "stiffness": fitted.stiffness,
                 "natural_frequency": fitted.natural_frequency,
+                **dict(zip(_INTERVALS, fitted.intervals, strict=True)),
             }
             for model, fits in zip(self._result.models, self._result.fits, strict=True)
             for name, fitted_orders in fits.items()
             for fitted in fitted_orders
         ]
         frame = pandas.DataFrame(lines)
+        units = self._result.models[0].units
+        parameters = (units.mass, units.impedance, units.stiffness)
         frame.attrs["units"] = {
-            "spring_rate": "N/m",
+            "spring_rate": units.stiffness,
             "peak_current": "A",
-            "mass": "kg",
-            "damping": "N*s/m",
-            "stiffness": "N/m",
+            **dict(zip(("mass", "damping", "stiffness"), parameters, strict=True)),
             "natural_frequency": "Hz",
+            **dict(zip(_INTERVALS, parameters, strict=True)),
         }
         return frame
 
@@ -80,7 +89,7 @@ class Identification:
         for model in self._result.models:
             variables: dict[str, tuple[str, Any, dict[str, str]]] = {}
             for name, response in model.responses.items():
-                attributes = {"units": unit(name)}
+                attributes = {"units": unit(name, model.units)}
                 variables[name] = ("frequency", response.value, attributes)
                 variables[f"{name}_band"] = ("frequency", response.band, attributes)
             coordinate = ("frequency", model.frequency, {"units": "Hz"})

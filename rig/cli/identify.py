@@ -17,7 +17,6 @@ from rig.cli.options import (
 )
 from rig.cli.output import input_errors, print_result
 from rig.identification import comparison, report
-from rig.identification.bem import read_bem
 from rig.identification.identify import IdentificationOptions, identify
 
 _RUN = (
@@ -39,7 +38,7 @@ def command(
         str, typer.Option(help="Probe of the wave calibration at the position of the device.")
     ] = "",
     bem: Annotated[
-        Path | None, typer.Option(help="BEM file to compare with (.npz, or .nc of capytaine).")
+        Path | None, typer.Option(help="BEM file to compare impedance and excitation with.")
     ] = None,
     output: OutputFolder = None,
     pictures: Annotated[bool, typer.Option(help="Also draw the figures and the page.")] = True,
@@ -58,8 +57,8 @@ def command(
         if not run_names:
             raise ValueError("no run given; name RUNS, or two identifications with --compare A B")
         paths = [find_run(name, runs) for name in run_names]
-        known = read_bem(bem) if bem else None
-        result = identify(paths, IdentificationOptions(order, probe, known, incomplete_rows))
+        options = IdentificationOptions(order, probe, None, incomplete_rows, bem)
+        result = identify(paths, options)
         folder = output or _products_folder(paths)
         folder.mkdir(parents=True, exist_ok=True)
         written = report.write(result, folder)

@@ -71,14 +71,14 @@ def compare(a: SavedIdentification, b: SavedIdentification) -> Comparison:
     differences: list[Difference] = []
     unpaired = []
     for model_a in a.content["models"]:
-        spring_rate, peak = model_a["spring_n_per_m"], model_a["peak_a"]
+        spring_rate, peak = _spring_rate(model_a), model_a["peak_a"]
         candidates = [
             model
             for model in b.content["models"]
             if model["axis"] == model_a["axis"]
             and abs(model["peak_a"] - peak) <= AMPLITUDE_TOLERANCE * peak
         ]
-        distances = [abs(model["spring_n_per_m"] - spring_rate) for model in candidates]
+        distances = [abs(_spring_rate(model) - spring_rate) for model in candidates]
         partner = candidates[int(np.argmin(distances))] if candidates else None
         if partner is None:
             unpaired.append(model_a["name"])
@@ -129,13 +129,23 @@ def _values(response: dict[str, Any]) -> tuple[Complexes, Floats]:
         np.array(response[part], dtype=np.float64)
         for part in ("re", "im", "noise_band", "total_band")
     )
-    return real + 1j * imaginary, np.where(np.isfinite(noise), noise, total)
+    systematic = np.array(response.get("systematic_band", 0.0), dtype=np.float64)
+    return real + 1j * imaginary, np.where(np.isfinite(noise), noise, total) + systematic
+
+
+def _spring_rate(model: dict[str, Any]) -> float:
+    """Return the spring rate of a model; its key ends with the unit of the axis."""
+    return float(next(value for key, value in model.items() if key.startswith("spring_")))
 
 
 def _second_order(model: dict[str, Any], name: str) -> dict[str, float]:
     fits = model["fits"].get(name, [])
-    keys = ("mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "natural_frequency_hz")
-    return {key: float(fits[0][key]) for key in keys} if fits else {}
+    names = ("mass_", "damping_", "stiffness_", "natural_frequency_")
+    return (
+        {key: float(value) for key, value in fits[0].items() if key.startswith(names)}
+        if fits
+        else {}
+    )
 
 
 def as_dict(comparison: Comparison) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 Rows and windows come from row id and phase in the log, not from times. The reader holds one row in
 memory at a time and keeps only its lines. Sensor readings are shifted to their sampling time by the
-ages in the log; the command is not shifted.
+ages in the log, and each force by the delays that its channel states (`channels.ForceChannel`).
 """
 
 import os
@@ -16,8 +16,10 @@ from rig.identification.channels import (
     AxisChannels,
     ForceChannel,
     force_channels,
+    is_commanded,
     position_fields,
     recorded_channels,
+    second_reading,
 )
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
@@ -41,6 +43,8 @@ VELOCITY = "velocity"
 BODY = "body"
 """Channel of the force on the body alone; the others besides `VELOCITY` are the forces on body and
 drivetrain in series (`channels.force_channels`)."""
+SECOND = "second"
+"""Channel of another reading of the motor's force (`channels.second_reading`)."""
 
 
 class Experiment(NamedTuple):
@@ -61,6 +65,7 @@ class Experiment(NamedTuple):
     channels: dict[str, Complexes]  # periods by lines; N, m/s; the most direct force last
     sea: Mapping[str, Any] | None  # commanded wave lines; None in calm water
     labels: Mapping[str, str] = {}  # of channels, in pictures
+    rotates: bool = False  # N m for N and rad for m
 
     @property
     def frequency(self) -> Floats:
@@ -84,6 +89,9 @@ def _forces(declared: AxisChannels, axis: str, logged_fields: set[str]) -> dict[
     forces = {channel.name: channel for channel in force_channels(axis, declared)}
     if declared.body is not None:
         forces[BODY] = declared.body
+    second = second_reading(axis, declared)
+    if second is not None:
+        forces[SECOND] = second
     return {name: channel for name, channel in forces.items() if channel.field in logged_fields}
 
 
@@ -126,8 +134,24 @@ def read_experiments(
         note = _saturation_message(window, declared, forces)
         saturation_notes[window.row] = f"{run_facts.run}, row {window.row}: {note}" if note else ""
     excluded = tuple(message for row, message in failures.items() if row not in experiments_by_row)
-    return RunExperiments(
-        tuple(experiments_by_row.values()), (*excluded, *filter(None, saturation_notes.values()))
+    notes = (_command_note(run_facts.run, axis, declared), *saturation_notes.values())
+    return RunExperiments(tuple(experiments_by_row.values()), (*excluded, *filter(None, notes)))
+
+
+def _command_note(run: str, axis: str, declared: AxisChannels) -> str:
+    """Return a note on a force that is the command, or ""."""
+    if declared.body is None or not is_commanded(axis, declared):
+        return ""
+    if not declared.body.hold_s:
+        return f"{run}: the force on {axis} is the command, whose delay is not corrected"
+    if not declared.body.time_constant_s:
+        return (
+            f"{run}: the force on {axis} is the command, and no current_bandwidth_hz of its drive "
+            "is given: the lag of the current is only in the band"
+        )
+    return (
+        f"{run}: the force on {axis} is the command, corrected for its hold and the drive's "
+        "bandwidth; the band contains its difference from the current"
     )
 
 
@@ -172,10 +196,11 @@ def _cut_experiment(
     omega = angular_frequencies(period * dt, lines)
     newtons_per_ampere = float(reference["newtons_per_ampere"])
     counts = field_lines(data, *position_fields(reference["axis"]), dt, period, lines)
-    scale = metres_per_count(run_facts, reference["axis"])
+    scale, rotates = motion_per_count(run_facts, reference["axis"])
     channels = {VELOCITY: counts * (1j * omega * scale)}
     for name, channel in forces.items():
         found = field_lines(data, channel.field, channel.age, dt, period, lines)
+        found = found * channel.force_per_reading(omega)
         channels[name] = found * (newtons_per_ampere if channel.per_ampere else 1.0)
     return Experiment(
         run_facts.run,
@@ -193,16 +218,22 @@ def _cut_experiment(
         channels,
         sea,
         {name: channel.label for name, channel in forces.items()},
+        rotates,
     )
 
 
-def metres_per_count(run_facts: RunInfo, axis: str) -> float:
-    """Return the motion of an axis per encoder count, m; ValueError for a configuration without."""
+def motion_per_count(run_facts: RunInfo, axis: str) -> tuple[float, bool]:
+    """Return the motion of an axis per encoder count (m or rad), and whether it rotates.
+
+    ValueError for a configuration without gear ratio or encoder resolution.
+    """
     ratio = run_facts.axis_number(axis, "gear_ratio_rad_per_m")
+    rotary_ratio = run_facts.axis_number(axis, "gear_ratio")
     counts = run_facts.axis_number(axis, "counts_per_revolution")
-    if ratio is None or counts is None:
+    found = rotary_ratio if ratio is None else ratio
+    if found is None or counts is None:
         raise ValueError(
-            f"its configuration has no gear ratio (rad/m) or encoder resolution of {axis}; only "
-            "axes that translate can be identified"
+            f"its configuration has no gear ratio or encoder resolution of {axis}, so its motion "
+            "is not known"
         )
-    return 2.0 * np.pi / ratio / counts
+    return 2.0 * np.pi / found / counts, ratio is None

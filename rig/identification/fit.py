@@ -8,13 +8,15 @@ frequencies and its admittance Y = 1/Z is stable for any data. These are all pas
 this form, not all passive functions. Each section adds two states, as radiation needs.
 
 The fit minimises the squared error of the admittance over the lines, because the admittance is
-largest where the device moves most.
+largest where the device moves most. The intervals of M, B and K follow from the misfit, which is
+that of the form where noise is small: they are no intervals of physical constants.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize
+from scipy.special import stdtrit
 
 from rig.spectra.periods import Complexes, Floats
 
@@ -44,6 +46,9 @@ class FittedImpedance(NamedTuple):
     sections: tuple[Section, ...]
     fit_percent: float  # 100 (1 - |Y - fit|/|Y - mean Y|), as in the published scripts
     worst: float  # largest |Z - fit|/|Z|
+    intervals: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    """Half-widths of the 95 % intervals of M, B and K; NaN where the lines do not determine them.
+    """
 
     @property
     def order(self) -> int:
@@ -173,4 +178,21 @@ def _fit_admittance(
     variation = np.linalg.norm(admittance - admittance.mean())
     fit_percent = 100.0 * (1.0 - np.linalg.norm(1.0 / fitted - admittance) / variation)
     worst = float(np.max(np.abs(fitted - z) / np.abs(z)))
-    return model._replace(fit_percent=float(fit_percent), worst=worst)
+    intervals = _intervals(model, solution.jac, solution.fun)
+    return model._replace(fit_percent=float(fit_percent), worst=worst, intervals=intervals)
+
+
+def _intervals(
+    model: FittedImpedance, jacobian: Floats, misfit: Floats
+) -> tuple[float, float, float]:
+    """Return the half-widths of the 95 % intervals of M, B and K by linear regression.
+
+    ``jacobian`` is that of the misfit by the logarithms of M, B and K and the sections' parameters.
+    """
+    degrees = misfit.size - jacobian.shape[1]
+    if degrees < 1 or np.linalg.matrix_rank(jacobian) < jacobian.shape[1]:
+        return (np.nan, np.nan, np.nan)
+    covariance = np.linalg.inv(jacobian.T @ jacobian) * float(misfit @ misfit) / degrees
+    relative = float(stdtrit(degrees, 0.975)) * np.sqrt(np.diag(covariance)[:3])
+    mass, damping, stiffness = relative.tolist()
+    return mass * model.mass, damping * model.damping, stiffness * model.stiffness

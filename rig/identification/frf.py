@@ -18,6 +18,9 @@ sqrt(F_0.95(2, 2 nu)) s / |b|. There are two bands:
 - noise: s^2 from the scatter of periods, nu = sum_m (P_m - 1) = M (P - 1);
 - total: s^2 from the scatter of realisations, nu = M - 1. It includes the effect of nonlinearity,
   which depends on the phases (stochastic nonlinear distortion).
+
+Neither contains an error that all periods share, as that of a delay. Where two channels measure the
+same force, the distance of their two responses is such a systematic radius; the bands add it.
 """
 
 from collections.abc import Sequence
@@ -39,11 +42,16 @@ class Response(NamedTuple):
     total: Floats  # radius of the 95 % circle from realisations
     noise_deviation: Floats  # standard deviation of the value, noise only
     total_deviation: Floats  # standard deviation from noise and nonlinear distortion
+    systematic: Floats  # distance from the response by another channel of the same force
 
     @property
     def band(self) -> Floats:
-        """The radius to draw: from periods if known, else from realisations."""
-        return np.where(np.isfinite(self.noise), self.noise, self.total)
+        """The radius to draw: from periods if known, else from realisations, plus systematic."""
+        return np.where(np.isfinite(self.noise), self.noise, self.total) + self.systematic
+
+    def compared_with(self, other: "Response") -> "Response":
+        """Return the response with its distance from another one as systematic radius."""
+        return self._replace(systematic=np.abs(other.value - self.value))
 
     def select(self, lines: Flags | Ticks) -> "Response":
         """Return the response at some of its lines."""
@@ -100,6 +108,7 @@ def response(numerator: Channel, denominator: Channel, references: Sequence[Comp
         band_factor(realisation_degrees) * total_deviation,
         noise_deviation,
         total_deviation,
+        np.zeros(value.shape),
     )
 
 

@@ -1,23 +1,26 @@
 """Identification of models, fits, families and excitation from runs."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.identification.bem import Bem
+from rig.emulation.bem_impedance import BemImpedance, Water, read_impedance
+from rig.identification.bem import Bem, read_bem
 from rig.identification.drag import identify_drag
 from rig.identification.excitation import Excitation, Sea, excitation, is_same_sea
 from rig.identification.experiments import BODY, Experiment, read_experiments
 from rig.identification.families import Member, family
 from rig.identification.fit import ORDERS, FittedImpedance, fit
 from rig.identification.impedances import Model, models
-from rig.recording.runs import RunError, run_info
+from rig.recording.runs import RunError, RunInfo, run_info
 from rig.spectra import wave_calibration
 
 FITTED = ("Z_i", "Z_id")
 SIMULATED_ELEVATION = "elevation"  # elevation of a simulated sea at the device's position
+MIN_LINES = 4.0  # that carry the energy of a reference, below which a parametric fit says nothing
 
 
 class IdentificationOptions(NamedTuple):
@@ -27,6 +30,7 @@ class IdentificationOptions(NamedTuple):
     probe: str = ""  # probe that measures eta; empty: the simulated elevation
     bem: Bem | None = None  # for comparison
     incomplete_rows: bool = False  # also use rows with missing ticks
+    bem_file: Path | None = None  # for comparison with the excitation, if any, and the impedance
 
 
 class Identification(NamedTuple):
@@ -41,12 +45,14 @@ class Identification(NamedTuple):
     excitations: tuple[Excitation, ...]
     bem: Bem | None
     notes: tuple[str, ...]  # excluded or doubtful data, with reasons
+    bem_impedances: Mapping[str, BemImpedance] = MappingProxyType({})  # by axis
 
 
 def identify(runs: Sequence[Path], options: IdentificationOptions | None = None) -> Identification:
     """Identify from runs with a reference, in calm water or waves, and from wave calibrations.
 
-    Raises RunError if the runs give no model, ValueError for an invalid order.
+    Raises RunError if the runs give no model, ValueError for an invalid order or a BEM file with
+    nothing to compare with.
     """
     options = IdentificationOptions() if options is None else options
     notes: list[str] = []
@@ -63,7 +69,14 @@ def identify(runs: Sequence[Path], options: IdentificationOptions | None = None)
     identified_models = models(experiments)
     if not identified_models:
         raise RunError(_no_model_message(runs, notes, experiments))
+    if len({model.rotates for model in identified_models}) > 1:
+        raise RunError("some axes rotate, others translate: identify them one by one")
     fits = tuple(_fit_model(model, options.order, notes) for model in identified_models)
+    known, path = options.bem, options.bem_file
+    if known is None and path is not None and seas:
+        known = read_bem(path)
+    axes = dict.fromkeys(model.axis for model in identified_models)
+    impedances = {} if path is None else _read_impedances(path, axes, run_facts, known, notes)
     return Identification(
         run_facts[0].attributes(),
         tuple(each_facts.run for each_facts in run_facts),
@@ -71,9 +84,51 @@ def identify(runs: Sequence[Path], options: IdentificationOptions | None = None)
         fits,
         family(identified_models, experiments),
         _identify_excitations(experiments, seas, identified_models, notes),
-        options.bem,
+        known,
         tuple(notes),
+        impedances,
     )
+
+
+def _read_impedances(
+    path: Path,
+    axes: Iterable[str],
+    run_facts: Sequence[RunInfo],
+    known: Bem | None,
+    notes: list[str],
+) -> dict[str, BemImpedance]:
+    """Return the impedance of each axis by a BEM file; a file without it is refused.
+
+    It is noted instead where ``known`` is the excitation to compare with.
+    """
+    found = {}
+    for axis in axes:
+        try:
+            found[axis] = read_impedance(path, axis, *_mode_of_plant(run_facts[0], axis))
+        except ValueError as error:
+            if known is None:
+                reason = "the runs have no excitation to compare with either"
+                raise ValueError(f"{error}; {reason}") from None
+            notes.append(str(error))
+    return found
+
+
+def _mode_of_plant(run: RunInfo, axis: str) -> tuple[str, Water]:
+    """Return the BEM file's name of the only mode that an axis of a run's plant moves with."""
+    plant = run.config.get("plant") or {}
+
+    def number(key: str) -> float | None:
+        value = plant.get(key)
+        return value.get("value") if isinstance(value, dict) else value
+
+    keys = ("density_kg_per_m3", "gravity_m_per_s2", "depth_m", "length_scale_m")
+    own = (plant.get("axes") or {}).get(axis) or {}
+    moves_with = own.get("moves_with") or {}
+    water = Water(*map(number, keys))
+    if len(moves_with) != 1:
+        return "", water
+    (mode,) = moves_with
+    return plant["modes"][mode].get("dof") or "", water
 
 
 def _no_model_message(runs: Sequence[Path], notes: list[str], experiments: list[Experiment]) -> str:
@@ -87,7 +142,18 @@ def _no_model_message(runs: Sequence[Path], notes: list[str], experiments: list[
 def _fit_model(
     model: Model, order: int, notes: list[str]
 ) -> dict[str, tuple[FittedImpedance, ...]]:
-    fits = {}
+    fits: dict[str, tuple[FittedImpedance, ...]] = {}
+    if not any(np.isfinite(each.band).any() for each in model.responses.values()):
+        notes.append(
+            f"{model.name}: one period of one realisation gives no band; measure two periods or "
+            "realisations"
+        )
+    if model.effective_lines < MIN_LINES:
+        notes.append(
+            f"{model.name}: {model.effective_lines:.2g} lines carry the energy of the reference, "
+            f"so no model is fitted; allowed from {MIN_LINES:g}: use a multisine over the band"
+        )
+        return fits
     for name in FITTED:
         if name not in model.responses:
             continue

@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.identification import frf
-from rig.identification.experiments import BODY, VELOCITY, Experiment
+from rig.identification.axis_units import LINEAR, ROTARY, AxisUnits
+from rig.identification.experiments import BODY, SECOND, VELOCITY, Experiment
 from rig.identification.frf import Channel, Response
 from rig.spectra.periods import Complexes, Flags, Floats
 
@@ -40,11 +41,20 @@ class Model(NamedTuple):
     frequency: Floats  # Hz, excited lines
     responses: dict[str, Response]
     labels: Mapping[str, str]  # of `experiments.BODY` and of the forces in the names Y_id_<name>
+    rotates: bool = False
+    effective_lines: float = np.nan
+    """Lines that carry the energy of the reference: its square over the sum of the lines' squares.
+    """
+
+    @property
+    def units(self) -> AxisUnits:
+        """Units of the axis."""
+        return ROTARY if self.rotates else LINEAR
 
     @property
     def name(self) -> str:
         """Axis, spring rate and amplitude, as a key."""
-        return f"{self.axis} {self.spring_rate:g} N/m {self.peak_a:.3g} A"
+        return f"{self.axis} {self.spring_rate:g} {self.units.stiffness} {self.peak_a:.3g} A"
 
     @property
     def omega(self) -> Floats:
@@ -126,7 +136,9 @@ def _build_model(group: list[Experiment]) -> Model:
 
     responses: dict[str, Response] = {}
     body = channels.get(BODY)
-    drive = [name for name in first.channels if name in channels and name not in (VELOCITY, BODY)]
+    drive = [
+        name for name in first.channels if name in channels and name not in (VELOCITY, BODY, SECOND)
+    ]
     if body is not None:
         responses["Z_i"] = compute_response(body, velocity)
     if drive:
@@ -138,6 +150,16 @@ def _build_model(group: list[Experiment]) -> Model:
         responses["Y_i"] = compute_response(velocity, body)
     for name in drive:
         responses[f"Y_id_{name}"] = compute_response(velocity, channels[name])
+    if SECOND in channels:
+        checked = "Z_id" if drive else "Z_i"
+        second = compute_response(channels[SECOND], velocity)
+        responses[checked] = responses[checked].compared_with(second)
+        if "Z_d" in responses:
+            distance = responses[checked].systematic
+            responses["Z_d"] = responses["Z_d"]._replace(systematic=distance)
+        elif not drive:
+            second = compute_response(velocity, channels[SECOND])
+            responses["Y_i"] = responses["Y_i"].compared_with(second)
     return Model(
         first.axis,
         first.spring_rate,
@@ -150,4 +172,11 @@ def _build_model(group: list[Experiment]) -> Model:
         first.frequency[excited],
         responses,
         first.labels,
+        first.rotates,
+        _effective_lines(first.reference[excited]),
     )
+
+
+def _effective_lines(reference: Complexes) -> float:
+    energy = np.abs(reference) ** 2
+    return float(energy.sum() ** 2 / np.sum(energy**2))

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
+from rig.emulation.bem_impedance import BemImpedance
 from rig.identification import bem as bem_file
 from rig.identification import report
 from rig.identification.comparison import Comparison
@@ -25,9 +26,6 @@ from rig.spectra.periods import Complexes, Floats
 
 COLOURS = ("#00798c", "#d1495b", "#4f772d", "#22303c", "#9a5b13", "#6a4c93", "#8d99ae", "#c77dff")
 FITTED = "#ffb703"  # colour of fitted models, drawn over the measured curves
-PER_KILONEWTON = "m/s per kN"
-"""Unit of drawn admittances."""
-
 _BAND_OPACITY = 0.18  # opacity of a band
 _SERIES_STYLES = (
     (COLOURS[1], "-"), (COLOURS[0], "--"), (COLOURS[2], ":"), (COLOURS[4], "-."), (COLOURS[5], ":"),
@@ -47,7 +45,7 @@ class Curve(NamedTuple):
 
 def four_panels(body: SubFigure, curves: list[Curve], symbol: str, unit: str) -> None:
     """Draw real part, magnitude, imaginary part and phase of responses, with their bands."""
-    scale = 1e3 if unit == PER_KILONEWTON else 1.0
+    scale = 1e3 if " per k" in unit else 1.0  # an admittance, `AxisUnits.per_kilo`
     panels: Any = body.subplots(2, 2, sharex=True)
     parts = (
         (panels[0, 0], f"Re {symbol}, {unit}", np.real),
@@ -81,8 +79,13 @@ def four_panels(body: SubFigure, curves: list[Curve], symbol: str, unit: str) ->
     panels[1, 1].legend(fontsize=6.5, frameon=False)
 
 
-def admittances(model: Model, fits: Mapping[str, Any]) -> list[Curve]:
-    """Return the curves of Fig. 4-5: command, current, sensors of drive and body; fits dotted."""
+def admittances(
+    model: Model, fits: Mapping[str, Any], bem: BemImpedance | None = None
+) -> list[Curve]:
+    """Return the curves of Fig. 4-5: command, current, sensors of drive and body; fits dotted.
+
+    ``bem`` is drawn dashed.
+    """
     labels = {f"Y_id_{name}": label for name, label in model.labels.items()}
     curves = []
     series = [name for name in labels if name in model.responses]
@@ -100,6 +103,12 @@ def admittances(model: Model, fits: Mapping[str, Any]) -> list[Curve]:
         label = f"fit to {name.replace('Z', 'Y')}, order {highest_order.order}"
         curves.append(
             Curve(label, fine_frequency, admittance, None, FITTED, ":" if name == "Z_i" else "-.")
+        )
+    if bem is not None:
+        fine_frequency = np.linspace(model.frequency[0], model.frequency[-1], 201)
+        label = f"{bem.name}: 1/Z, {bem.mode}"
+        curves.append(
+            Curve(label, fine_frequency, 1.0 / bem.at(fine_frequency), None, COLOURS[5], "--")
         )
     return curves
 
@@ -130,10 +139,10 @@ def by_colour(models: Iterable[Model], name: str, label: str) -> list[Curve]:
 def write_pictures(identification: Identification, folder: Path) -> list[Path]:
     """Write all figures for which the identification has data; return the files."""
     paths = []
+    units = identification.models[0].units
+    per_kilo, stiffness = units.per_kilo, units.stiffness
 
-    def draw(
-        name: str, title: str, curves: list[Curve], symbol: str, unit: str = PER_KILONEWTON
-    ) -> None:
+    def draw(name: str, title: str, curves: list[Curve], symbol: str, unit: str = per_kilo) -> None:
         note = "force on the body; e^(+iωt); bands 95 %"
         figure, body = picture.framed_figure(9.0, 5.6, title, identification.attributes, note)
         four_panels(body, curves, symbol, unit)
@@ -144,17 +153,18 @@ def write_pictures(identification: Identification, folder: Path) -> list[Path]:
         largest_models = largest(models)
         first = largest_models[0]
         fits = identification.fits[identification.models.index(first)]
-        title = f"Admittance of {axis} at {first.spring_rate:g} N/m, {first.peak_a:.3g} A"
-        draw(f"admittance_{axis}", title, admittances(first, fits), "Y")
+        title = f"Admittance of {axis} at {first.spring_rate:g} {stiffness}, {first.peak_a:.3g} A"
+        bem = identification.bem_impedances.get(axis)
+        draw(f"admittance_{axis}", title, admittances(first, fits, bem), "Y")
         if "Z_d" not in first.responses:
             continue
         for key, name in (("Z_i", "intrinsic"), ("Z_d", "drivetrain")):
-            curves = by_colour(largest_models, key, "{0.spring_rate:g} N/m")
+            curves = by_colour(largest_models, key, f"{{0.spring_rate:g}} {stiffness}")
             title = f"{name.capitalize()} admittance at the largest amplitude, by spring rate"
             draw(name, title, curves, key.replace("Z", "Y"))
         family = [model for model in models if model.spring_rate == first.spring_rate]
         if len(family) > 1:
-            title = f"Drivetrain admittance by amplitude, {first.spring_rate:g} N/m"
+            title = f"Drivetrain admittance by amplitude, {first.spring_rate:g} {stiffness}"
             draw("amplitudes", title, by_colour(family, "Z_d", "{0.peak_a:.3g} A"), "Y_d")
     for i, excitation in enumerate(identification.excitations):
         title = f"Wave excitation; experiments: {excitation.experiments}, seas: {excitation.seas}"
@@ -229,10 +239,10 @@ def write_page(identification: Identification, folder: Path) -> list[Path]:
     """Write ``identification.pdf`` and the same page as ``identification.png``."""
     figure = Figure(figsize=picture.A4, layout="constrained")
     _header(figure, identification)
-    cells = report.model_cells(identification)
-    y = _table(figure, "Models of the impedance", report.MODEL_HEADS, cells, 0.9)
+    cells, units = report.model_cells(identification), identification.models[0].units
+    y = _table(figure, "Models of the impedance", report.model_heads(units), cells, 0.9)
     cells = report.family_cells(identification.family)
-    y = _table(figure, "With amplitude", report.FAMILY_HEADS, cells, y - 0.01)
+    y = _table(figure, "With amplitude", report.family_heads(units), cells, y - 0.01)
     bottom = _notes(figure, identification)
     _pictures(figure, identification, bottom, y - 0.01)
     out = [folder / "identification.pdf", folder / "identification.png"]
@@ -287,6 +297,8 @@ def _notes(figure: Figure, identification: Identification) -> float:
         lines += textwrap.wrap(note, 130, initial_indent="• ", subsequent_indent="   ")
     if len(identification.notes) > _MAX_NOTES:
         lines.append(f"and {len(identification.notes) - _MAX_NOTES} more in {report.JSON}")
+    remarks = [report.NOT_CONSTANTS, *report.bem_lines(identification)[:_MAX_NOTES]]
+    lines += [line for remark in remarks for line in textwrap.wrap(remark, 130)]
     lines.append(
         "Z = F/v, force on the body, e^(+iωt). Bands: 95 %, from the scatter of periods; "
         "distortion: scatter of realisations in excess of it."
@@ -301,8 +313,10 @@ def _pictures(figure: Figure, identification: Identification, bottom: float, top
     """Draw the admittances, and the excitation if identified, else the drivetrain."""
     largest_model = largest(identification.models)[0]
     fits = identification.fits[identification.models.index(largest_model)]
+    bem = identification.bem_impedances.get(largest_model.axis)
+    curves, per_kilo = admittances(largest_model, fits, bem), largest_model.units.per_kilo
     figures: list[tuple[str, list[Curve], str, str]] = [
-        (f"Admittance, {largest_model.name}", admittances(largest_model, fits), "Y", PER_KILONEWTON)
+        (f"Admittance, {largest_model.name}", curves, "Y", per_kilo)
     ]
     if identification.excitations:
         curves = excitation_curves(identification.excitations[0], identification.bem)
@@ -314,7 +328,7 @@ def _pictures(figure: Figure, identification: Identification, bottom: float, top
             if (model.axis, model.spring_rate) == (largest_model.axis, largest_model.spring_rate)
         ]
         curves = by_colour(family, "Z_d", "{0.peak_a:.3g} A")
-        figures.append(("Drivetrain admittance by amplitude", curves, "Y_d", PER_KILONEWTON))
+        figures.append(("Drivetrain admittance by amplitude", curves, "Y_d", per_kilo))
     heights = [1.0 - top, *[(top - bottom) / len(figures)] * len(figures), bottom]
     bands: Any = figure.subfigures(
         len(heights), 3, height_ratios=heights, width_ratios=[0.03, 0.94, 0.03]

@@ -6,13 +6,16 @@ variables `..._re` and `..._im`, one set per model, with units in the attributes
 
 import json
 import math
+import textwrap
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray
 
+from rig.emulation.bem_impedance import BemImpedance
 from rig.identification import bem as bem_file
+from rig.identification.axis_units import LINEAR, AxisUnits
 from rig.identification.excitation import Excitation
 from rig.identification.families import Member
 from rig.identification.fit import FittedImpedance, zero_crossing
@@ -25,12 +28,15 @@ from rig.spectra.periods import Floats
 
 JSON, NETCDF = "identification.json", "identification.nc"
 CONVENTION = "e^{+i omega t}, t on the wave clock; force on the body; bands: 95 % radius"
-IMPEDANCE, ADMITTANCE = "N*s/m", "m/s/N"
+NOT_CONSTANTS = (
+    "M, B and K are parameters of a fit, not physical constants: radiation makes mass and damping "
+    "vary with frequency. ±: 95 % by its misfit; another order gives others"
+)
 
 
-def unit(name: str) -> str:
+def unit(name: str, units: AxisUnits = LINEAR) -> str:
     """Return the unit of a response from its name."""
-    return ADMITTANCE if name.startswith("Y") else IMPEDANCE
+    return units.admittance if name.startswith("Y") else units.impedance
 
 
 def as_dict(identification: Identification) -> dict[str, Any]:
@@ -41,7 +47,7 @@ def as_dict(identification: Identification) -> dict[str, Any]:
             **{key: identification.attributes.get(key, "") for key in ("mode", "campaign")},
             "convention": CONVENTION,
             "models": [
-                _model_as_dict(model, fits)
+                _model_as_dict(model, fits, identification.bem_impedances.get(model.axis))
                 for model, fits in zip(identification.models, identification.fits, strict=True)
             ],
             "family": identification.family,
@@ -55,20 +61,22 @@ def as_dict(identification: Identification) -> dict[str, Any]:
     return content
 
 
-def _model_as_dict(model: Model, fits: dict[str, tuple[FittedImpedance, ...]]) -> dict[str, Any]:
-    quotient = ratio(model)
+def _model_as_dict(
+    model: Model, fits: dict[str, tuple[FittedImpedance, ...]], bem: BemImpedance | None
+) -> dict[str, Any]:
+    quotient, units = ratio(model), model.units
     return {
         "name": model.name,
         "axis": model.axis,
-        "spring_n_per_m": model.spring_rate,
-        "peak_n": model.peak,
+        f"spring_{units.stiffness_key}": model.spring_rate,
+        f"peak_{units.force_key}": model.peak,
         "peak_a": model.peak_a,
         "realisations": model.realisations,
         "periods": model.periods,
         "rows": model.row_labels,
         "frequency_hz": model.frequency.tolist(),
         "responses": {
-            name: {"unit": unit(name)}
+            name: {"unit": unit(name, units)}
             | {part: values.tolist() for part, values in _response_parts(response).items()}
             for name, response in model.responses.items()
         },
@@ -79,9 +87,31 @@ def _model_as_dict(model: Model, fits: dict[str, tuple[FittedImpedance, ...]]) -
             name: zero_crossing(model.frequency, model.responses[name].value) for name in fits
         },
         "fits": {
-            name: [_fit_as_dict(fitted) for fitted in fits_of_response]
+            name: [_fit_as_dict(fitted, units) for fitted in fits_of_response]
             for name, fits_of_response in fits.items()
         },
+        **({} if bem is None else {"bem": _bem_as_dict(model, bem)}),
+    }
+
+
+def bem_response(model: Model) -> str:
+    """Return the name of the response that a BEM file is compared with."""
+    return "Z_i" if "Z_i" in model.responses else "Z_id"
+
+
+def _bem_as_dict(model: Model, bem: BemImpedance) -> dict[str, Any]:
+    expected, name = bem.at(model.frequency), bem_response(model)
+    difference = model.responses[name].value - expected
+    share = np.abs(difference / expected)[np.isfinite(expected)]
+    return {
+        "file": bem.name,
+        "mode": bem.mode,
+        "response": name,
+        "re": expected.real.tolist(),
+        "im": expected.imag.tolist(),
+        "median": float(np.median(share)) if share.size else None,
+        "worst": float(share.max()) if share.size else None,
+        "median_re_difference": float(np.nanmedian(difference.real)) if share.size else None,
     }
 
 
@@ -91,15 +121,21 @@ def _response_parts(response: Response) -> dict[str, Floats]:
         "im": response.value.imag,
         "noise_band": response.noise,
         "total_band": response.total,
+        "systematic_band": response.systematic,
     }
 
 
-def _fit_as_dict(fitted: FittedImpedance) -> dict[str, Any]:
+def _fit_as_dict(fitted: FittedImpedance, units: AxisUnits) -> dict[str, Any]:
+    keys = (
+        f"mass_{units.mass_key}",
+        f"damping_{units.damping_key}",
+        f"stiffness_{units.stiffness_key}",
+    )
+    values = (fitted.mass, fitted.damping, fitted.stiffness)
     return {
         "order": fitted.order,
-        "mass_kg": fitted.mass,
-        "damping_n_s_per_m": fitted.damping,
-        "stiffness_n_per_m": fitted.stiffness,
+        **dict(zip(keys, values, strict=True)),
+        "intervals_95": dict(zip(keys, fitted.intervals, strict=True)),
         "natural_frequency_hz": fitted.natural_frequency,
         "sections": fitted.sections,
         "fit_percent": fitted.fit_percent,
@@ -151,7 +187,7 @@ def dataset(identification: Identification) -> xarray.Dataset:
         line = f"line_{i}"
         variables[f"frequency_{i}"] = (line, model.frequency, {"units": "Hz", "model": model.name})
         for name, response in model.responses.items():
-            line_attributes = {"units": unit(name), "model": model.name}
+            line_attributes = {"units": unit(name, model.units), "model": model.name}
             for part, values in _response_parts(response).items():
                 variables[f"{name}_{i}_{part}"] = (line, values, line_attributes)
     for i, excitation in enumerate(identification.excitations):
@@ -188,9 +224,11 @@ def write(identification: Identification, folder: Path) -> list[Path]:
 
 def as_text(identification: Identification) -> str:
     """Return a text report: models, dependence on amplitude, excitation, notes."""
-    models = [MODEL_HEADS, *model_cells(identification)]
-    family = [FAMILY_HEADS, *family_cells(identification.family)]
-    lines = ["Models of the impedance", *aligned(models)]
+    units = identification.models[0].units
+    models = [model_heads(units), *model_cells(identification)]
+    family = [family_heads(units), *family_cells(identification.family)]
+    lines = ["Models of the impedance", *aligned(models), *textwrap.wrap(NOT_CONSTANTS, 98)]
+    lines += bem_lines(identification)
     lines += ["", "With amplitude", *aligned(family)]
     for excitation in identification.excitations:
         lines += ["", *_excitation_text(excitation, identification.bem)]
@@ -198,10 +236,42 @@ def as_text(identification: Identification) -> str:
     return "\n".join(lines)
 
 
-MODEL_HEADS = (
-    "axis", "spring N/m", "peak A", "", "order", "M kg", "B N·s/m", "K N/m", "f0 Hz", "fit %",
-    "band %",
-)  # fmt: skip
+def model_heads(units: AxisUnits) -> tuple[str, ...]:
+    """Return the heads of the table of models."""
+    return (
+        "axis", f"spring {units.stiffness}", "peak A", "", "order", f"M {units.mass}",
+        f"B {units.damping}", f"K {units.stiffness}", "f0 Hz", "fit %", "band %",
+    )  # fmt: skip
+
+
+def bem_lines(identification: Identification) -> list[str]:
+    """Return a line of text for each model that a BEM file is compared with."""
+    lines = []
+    for model in identification.models:
+        bem = identification.bem_impedances.get(model.axis)
+        if bem is None:
+            continue
+        found = _bem_as_dict(model, bem)
+        if found["median"] is None:
+            lines.append(f"{model.name}: no line within the frequencies of {bem.name}")
+            continue
+        lines.append(
+            f"{model.name}: {found['response']} against {bem.name} ({bem.mode}: mass, radiation, "
+            f"hydrostatics): median {100 * found['median']:.2g} %, worst {100 * found['worst']:.2g}"
+            f" % (complex); Re Z {found['median_re_difference']:+.3g} {model.units.damping} "
+            "(median): viscous damping and friction, which the file lacks"
+        )
+    return lines
+
+
+def _with_interval(value: float, half_width: float) -> str:
+    """Return a number with its interval as text; an interval that is not known is `?`."""
+
+    def shown(number: float) -> str:
+        return f"{number:.0f}" if abs(number) >= 1000.0 else f"{number:.3g}"
+
+    known = math.isfinite(half_width)
+    return f"{shown(value)}±{shown(float(f'{half_width:.2g}')) if known else '?'}"
 
 
 def model_cells(identification: Identification) -> list[tuple[str, ...]]:
@@ -215,17 +285,19 @@ def model_cells(identification: Identification) -> list[tuple[str, ...]]:
             for fitted in fits_of_response:
                 rows.append((
                     model.axis, f"{model.spring_rate:g}", f"{model.peak_a:.3g}", name,
-                    str(fitted.order), f"{fitted.mass:.0f}", f"{fitted.damping:.0f}",
-                    f"{fitted.stiffness:.0f}", f"{fitted.natural_frequency:.4f}",
-                    f"{fitted.fit_percent:.1f}", band,
+                    str(fitted.order),
+                    *map(_with_interval, fitted[:3], fitted.intervals),
+                    f"{fitted.natural_frequency:.4f}", f"{fitted.fit_percent:.1f}", band,
                 ))  # fmt: skip
     return rows
 
 
-FAMILY_HEADS = (
-    "axis", "spring N/m", "peak A", "Re Z_d N·s/m", "K_d N/m", "noise %", "distortion %",
-    "even lines %", "odd lines %",
-)  # fmt: skip
+def family_heads(units: AxisUnits) -> tuple[str, ...]:
+    """Return the heads of the table of amplitudes."""
+    return (
+        "axis", f"spring {units.stiffness}", "peak A", f"Re Z_d {units.damping}",
+        f"K_d {units.stiffness}", "noise %", "distortion %", "even lines %", "odd lines %",
+    )  # fmt: skip
 
 
 def family_cells(members: tuple[Member, ...]) -> list[tuple[str, ...]]:

@@ -306,7 +306,10 @@ def test_rig_on_wires_is_valid_with_its_campaign(dof: str, tmp_path: Path) -> No
     report = examine(folder / "campaign.yaml", folder / "rig_hil.yaml")
     assert report.campaign is not None, report.text()
     wired, axis = report.campaign.rig, dof.lower()
-    assert {name: each.source for name, each in wired.sensors.items()} == {"dc_power": "meter.dc"}
+    cell = "load_cell" if dof == "Heave" else "torque_sensor"
+    sources = {name: each.source for name, each in wired.sensors.items()}
+    assert sources == {"dc_power": "meter.dc", cell: f"meter.{cell}"}
+    assert wired.axes[axis].force_sensor == cell
     assert (
         wired.wiring.axes[axis].current_limit_a > report.campaign.limits.axes[axis].current_peak_a
     )

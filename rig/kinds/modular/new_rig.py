@@ -30,6 +30,7 @@ from rig.kinds.modular.plant_text import (
     PlantEntries,
     Pto,
     band_text,
+    force_sensors,
     fragment,
     plant_text,
     power_sensors,
@@ -122,16 +123,25 @@ def file_texts(
     numbers = {
         axis: _axis_numbers(axis, ptos[axis], grid, values) for axis, grid in values.axes.items()
     }
-    sensors = power_sensors(ptos)
+    sensors, cells = power_sensors(ptos), force_sensors(ptos)
     common = _common_texts(name, chosen, values)
 
     def parts(template: str) -> str:
         return "".join(
-            fragment(template, rotary=pto.motion.rotates, **numbers[axis], node=str(node))
+            fragment(
+                template,
+                rotary=pto.motion.rotates,
+                **numbers[axis],
+                node=str(node),
+                force_sensor=cells[axis],
+                label=cells[axis].replace("_", " "),
+                force_unit="N*m" if pto.motion.rotates else "N",
+            )
             for node, (axis, pto) in enumerate(ptos.items(), _FIRST_NODE)
         )
 
-    meters = {axis: sensor.replace("dc_power", "dc") for axis, sensor in sensors.items()}
+    meters = {sensor: sensor.replace("dc_power", "dc") for sensor in sensors.values()}
+    meters |= {sensor: sensor for sensor in cells.values()}
     by_file = {
         "rig": {
             "axes": parts("rig_axis"),
@@ -141,6 +151,10 @@ def file_texts(
                     label="DC power" if len(ptos) == 1 else f"DC power of {axis}",
                 )
                 for axis, sensor in sensors.items()
+            ) + parts("rig_force_sensor"),
+            "absorbed": " + ".join(f"{cells[axis]} * {axis}_velocity" for axis in ptos),
+            "sensor_label": (
+                next(iter(cells.values())).replace("_", " ") if len(cells) == 1 else "force sensors"
             ),
             "mechanical": " + ".join(f"{axis}_force * {axis}_velocity" for axis in ptos),
             "electric": " + ".join(sensors.values()),
@@ -150,10 +164,10 @@ def file_texts(
         "rig_hil": {
             "axes": parts("rig_hil_axis"),
             "sources": "".join(
-                f"  {sensor}: {{source: meter.{meters[axis]}}}    # a value of the wiring below\n"
-                for axis, sensor in sensors.items()
+                f"  {sensor}: {{source: meter.{meter}}}    # a value of the wiring below\n"
+                for sensor, meter in meters.items()
             ),
-            "meter_size": str(2 * len(ptos)),
+            "meter_size": str(2 * len(meters)),
             "meter_values": "".join(
                 f"        - {{name: {meter}, at: {2 * place}, kind: f32}}\n"
                 for place, meter in enumerate(meters.values())
@@ -281,6 +295,7 @@ def _axis_numbers(axis: str, pto: Pto, grid: AxisGrid, values: FirstValues) -> d
         "current_difference": 0.2 * peak,
         "tare_span": min(0.1 * stop, 0.5),
         "current_limit": pto.current_limit,
+        "force_range": 2.0 * pto.peak_force,
         "resistance_z": z.real,
         "reactance_z": abs(z.imag),
         "kp_match": -z.real,

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -72,6 +72,11 @@ class Pto(NamedTuple):
     resistance: float  # ohm
     standby: float  # W
 
+    @property
+    def peak_force(self) -> float:
+        """Force at the drive's current limit, N or N*m."""
+        return self.current_limit * self.torque_constant * self.gear_ratio
+
 
 class PlantEntries(NamedTuple):
     """All that a plant file states."""
@@ -121,6 +126,11 @@ def plant_text(name: str, entries: PlantEntries) -> str:
         f"  {sensor}: {{signal: {axis}.electric_power, noise: 0.1}}\n"
         for axis, sensor in power_sensors(entries.axes).items()
     ]
+    sensors += [
+        f"  {sensor}: {{signal: {axis}.force, noise: {format_number(noise)}}}\n"
+        for axis, sensor in force_sensors(entries.axes).items()
+        for noise in [rounded(1e-4 * entries.axes[axis].peak_force)]
+    ]
     stored = entries.radiation
     return fragment(
         "plant",
@@ -139,6 +149,14 @@ def power_sensors(axes: Iterable[str]) -> dict[str, str]:
     """Return the name of the DC power sensor of each axis."""
     names = list(axes)
     return {name: "dc_power" if len(names) == 1 else f"{name}_dc_power" for name in names}
+
+
+def force_sensors(axes: Mapping[str, Pto]) -> dict[str, str]:
+    """Return the name of the force or torque sensor of each axis."""
+    names = {
+        name: "torque_sensor" if pto.motion.rotates else "load_cell" for name, pto in axes.items()
+    }
+    return names if len(axes) == 1 else {name: f"{name}_{each}" for name, each in names.items()}
 
 
 def sea_band(band: tuple[float, float]) -> tuple[float, float]:

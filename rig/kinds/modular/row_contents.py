@@ -4,6 +4,7 @@ Of each sensor the mean and two percentiles, relative to its tare if it has one;
 axis its motion and its force, as of the first one.
 """
 
+import math
 from collections.abc import Iterable
 
 from rig.config.law_settings import AxisLaw
@@ -62,11 +63,16 @@ def axis_channels(rig: RigFile, axis: str, axis_laws: Iterable[AxisLaw]) -> Axis
     A force sensor that the rig file names between drive and body measures the force on the body
     alone. Without one the drive acts on the body directly, with the commanded force.
     """
-    sensor = rig.axes[axis].force_sensor
-    body = command_channel(axis)
-    if sensor is not None:
-        label = rig.sensors[sensor].label or sensor
-        body = ForceChannel(sensor, label, f"{sensor}.value", f"{sensor}.age")
-    return AxisChannels(
-        body, gains=tuple(column.name for law in axis_laws for column in law.columns)
+    sensor, bandwidth = rig.axes[axis].force_sensor, rig.axes[axis].current_bandwidth_hz
+    command = command_channel(axis)._replace(
+        hold_s=1.0 / rig.rate_hz,
+        time_constant_s=0.0 if bandwidth is None else 1.0 / (2.0 * math.pi * bandwidth),
     )
+    body = command
+    if sensor is not None:
+        own = rig.sensors[sensor]
+        body = ForceChannel(
+            sensor, own.label or sensor, f"{sensor}.value", f"{sensor}.age", lag_s=own.lag_s
+        )
+    gains = tuple(column.name for law in axis_laws for column in law.columns)
+    return AxisChannels(body, gains=gains, command=command)

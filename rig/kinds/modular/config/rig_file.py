@@ -1,7 +1,8 @@
 """The rig file of a modular rig: its axes, its sensors and its power stations."""
 
 import keyword
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -24,12 +25,17 @@ UNITS = (
 """Units that a sensor may have."""
 
 
+CurrentBandwidth = Annotated[float, Field(ge=1, le=1e5)] | None
+"""-3 dB bandwidth of the drive's current loop, Hz; identification corrects the command for it."""
+
+
 class Translation(Axis):
     """A powered axis that translates."""
 
     motion: Literal["translation"]
     law: str | dict[str, Any] = "impedance"  # of campaigns without one; checked with them
     stop_damping_n_s_per_m: float = Field(gt=0, le=1e6)  # the force of a stop is -damping * v
+    current_bandwidth_hz: CurrentBandwidth = None
     force_sensor: str | None = None  # sensor (N) between drive and body, for identification
 
 
@@ -39,6 +45,7 @@ class Rotation(RotaryAxis):
     motion: Literal["rotation"]
     law: str | dict[str, Any] = "impedance"  # of campaigns without one; checked with them
     stop_damping_n_m_s_per_rad: float = Field(gt=0, le=1e6)  # during a controlled stop
+    current_bandwidth_hz: CurrentBandwidth = None
     force_sensor: str | None = None  # sensor (N*m) between drive and body
 
 
@@ -56,6 +63,7 @@ class Sensor(FileModel):
     unit: Literal[UNITS]  # type: ignore[valid-type]
     scale: float = Field(default=1.0, ge=-1e9, le=1e9)  # factor on the source's value
     offset: float = Field(default=0.0, ge=-1e9, le=1e9)  # added after scaling
+    lag_s: float = Field(default=0.0, ge=0, le=1)  # of filter and amplifier, for identification
     source: str | None = None  # DEVICE.VALUE; needed with wiring
     tare: bool = False  # its mean during the tare is its zero
     range: TupleOf[float] = Field(min_length=2, max_length=2, strict=False)  # not tared
@@ -79,9 +87,12 @@ class PowerStation(FileModel):
     running_mean: bool = True  # a row of the log has its mean so far
     shown: bool = True  # in pictures
 
-    def as_station(self, name: str) -> Station:
-        """Return the row of the table of stations."""
+    def as_station(self, name: str, axes: Iterable[str]) -> Station:
+        """Return the row of the table of stations; its label says if a force is the command."""
         label = self.label or name
+        commands = "|".join(f"{axis}_force" for axis in axes)
+        if re.search(rf"\b({commands})\b", self.formula) and "command" not in label:
+            label = f"{label} (by command)"
         return Station(
             name, self.formula, label, label, name, running_mean=self.running_mean, shown=self.shown
         )
@@ -110,7 +121,7 @@ class RigFile(PowerRigFile):
         signals = signal_names(self.axes, self.sensors)
         for name, station in self.stations.items():
             try:
-                power.compile_stations([station.as_station(name)], signals, __name__)
+                power.compile_stations([station.as_station(name, self.axes)], signals, __name__)
             except ValueError as error:
                 yield RuleViolation(("stations", name, "formula"), str(error), station.formula)
 
@@ -195,7 +206,7 @@ class RigFile(PowerRigFile):
     @property
     def power_stations(self) -> tuple[Station, ...]:
         """The table of power stations; without any in the file, that of the commanded forces."""
-        listed = tuple(station.as_station(name) for name, station in self.stations.items())
+        listed = tuple(each.as_station(name, self.axes) for name, each in self.stations.items())
         return listed or default_stations(self.axes)
 
 

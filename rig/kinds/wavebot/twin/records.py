@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.identification.experiments import metres_per_count
+from rig.identification.experiments import motion_per_count
 from rig.recording.runs import RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, read_windows
 from rig.spectra.periods import (
@@ -150,7 +150,7 @@ def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Rec
         strong = amplitude > 0.1 * max(sea["amplitude_m"], default=1e-9)
         excited[number[strong] - 1] = True  # lines in which the sea has significant energy
     omega = angular_frequencies(period * dt, lines)
-    scale = metres_per_count(run_facts, "heave")
+    scale, _ = motion_per_count(run_facts, "heave")
     velocity = lines_of(COUNTS, ENCODER_AGE) * (1j * omega * scale)
     whole_periods = slice(0, window.span // period * period)
     current = data[CURRENT][whole_periods]

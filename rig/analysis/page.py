@@ -87,6 +87,8 @@ def _outcome(figure: Figure, summary: Summary) -> float:
     colour = _GOOD if complete else _BAD
     _text(figure, x, 0.905, summary.ending, fontsize=15, fontweight="bold", color=colour)
     reason = textwrap.wrap(summary.reason[:1].upper() + summary.reason[1:] + ".", 48)
+    for hint in summary.hints:
+        reason += textwrap.wrap(hint, 48, max_lines=3, placeholder=" ...")
     _text(figure, x, 0.880, "\n".join(reason))
     share = summary.rows_done / max(1, summary.rows_planned)
     y, width = min(0.843, 0.876 - _LINE * len(reason)), _RIGHT - x

@@ -146,6 +146,7 @@ class Summary(NamedTuple):
     further: tuple[Column, ...]  # other columns that vary
     alarms: tuple[str, ...]
     timing: str
+    hints: tuple[str, ...] = ()  # first message and advice, of a fault
     stopped: str = ""  # time and place in the plan, of a run that did not complete its plan
     findings: tuple[str, ...] = ()  # of a run without best points, one message each
     findings_of: str = "Waves without the device"
@@ -245,7 +246,7 @@ def summarise(
     ``unfinished`` is the first alarm if the record lacks its end. ``stop`` is where the run left
     its plan, with the ticks lost before. ``findings`` are the results of a run without rows.
     """
-    ending = describe_ending(run_facts.status, stop.lost)
+    ending = describe_ending(run_facts.status, stop.lost, run_facts.reasons)
     states = table["state"].values.tolist() if table.sizes.get("row", 0) else []
     matrix = gain_matrix(table)
     main, rig = main_columns(matrix.columns), run_facts.config.get("rig")
@@ -264,6 +265,7 @@ def summarise(
         calibration=str(table.attrs.get("calibration", "")),
         ending=ending.title,
         reason=ending.reason,
+        hints=ending.hints,
         rows_done=states.count(COMPLETE),
         rows_planned=len(states),
         optima=tuple(find_optima(table)),
@@ -338,6 +340,7 @@ def as_text(summary: Summary) -> str:
         f"Campaign {summary.campaign}   run {summary.run}   [{summary.stamp}]",
         "",
         f"{summary.ending}: {summary.reason}.",
+        *summary.hints,
         *([f"{summary.record_text}."] if summary.record else []),
         *([] if summary.findings and not summary.rows_planned else [f"{summary.rows_text}."]),
         "",

@@ -111,7 +111,7 @@ class Run:
             state = _ABANDONED
         with public_errors():
             stop = find_stop(self.path, status)
-        ending = describe_ending(status, stop.lost).description
+        ending = describe_ending(status, stop.lost, self.info.reasons).description
         return RunOutcome(state, str(status.get("reason") or ""), ending)
 
     @cached_property

@@ -181,7 +181,7 @@ def test_a_run_that_measured_nothing(tmp_path: Path) -> None:
     synthetic.write_run(tmp_path, data, synthetic.plan_json(ROWS, SHAPE), **status)
     write_products(tmp_path)
     text = (tmp_path / "summary.txt").read_text()
-    assert "Stopped by a fault: the body moved during the tare." in text
+    assert "Stopped by a fault: the body moved during the tare (NOT_CALM)." in text
     assert "0 of 66 rows complete" in text
     assert "[HARDWARE]" in text
     (tmp_path / "none").mkdir()

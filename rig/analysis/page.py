@@ -66,6 +66,7 @@ def _run_details(figure: Figure, summary: Summary) -> float:
         "Start": summary.started_utc,
         **({"Resumed": ", ".join(summary.resumed_utc)} if summary.resumed_utc else {}),
         "End": summary.ended_utc,
+        **({"Rig time": summary.rig_time_text} if summary.rig_time_text else {}),
         "Host": summary.host,
         "Code": summary.code,
         **({"Calib.": summary.calibration} if summary.calibration else {}),

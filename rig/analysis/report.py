@@ -30,7 +30,7 @@ from rig.analysis.choices_picture import write_choices
 from rig.analysis.effects import all_effects, write_effects
 from rig.analysis.page import write_page
 from rig.analysis.points import gain_matrix, varied_columns
-from rig.analysis.rows import COMPLETE, row_table, write_rows
+from rig.analysis.rows import COMPLETE, record_of, rig_time, row_table, write_rows
 from rig.analysis.run_products import DrawOptions, RunProducts, RunSummary
 from rig.analysis.slices import law_axes
 from rig.analysis.stop_reason import find_stop
@@ -70,9 +70,7 @@ def summarise_rows(
     summary = summaries.summarise(
         table, run_facts, _unfinished_text(contents), find_stop(run, run_facts.status)
     )
-    summary = summary._replace(
-        record=RecordState.from_dict(json.loads(table.attrs["record_state"]))
-    )
+    summary = _with_record(summary, record_of(table), run_facts)
     summary = summary._replace(uncertainty=uncertainty_texts(table))
     if Path(run).is_dir():
         summary = summary._replace(rehearsed=certificate.deviation_texts(Path(run)))
@@ -142,7 +140,12 @@ def _analyse_waves(run: Path, incomplete_rows: bool) -> Analysis:
         findings = [str(error)]
     no_rows, unfinished = xarray.Dataset(), _unfinished_text(contents)
     summary = summaries.summarise(no_rows, run_facts, unfinished, findings=tuple(findings))
-    return Analysis(summary._replace(record=reader.check_record(run)), partial(_write_waves, waves))
+    summary = _with_record(summary, reader.check_record(run), run_facts)
+    return Analysis(summary, partial(_write_waves, waves))
+
+
+def _with_record(summary: Summary, record: RecordState, run_facts: RunInfo) -> Summary:
+    return summary._replace(record=record, rig_time_s=rig_time(record, run_facts))
 
 
 def _write_waves(waves: xarray.Dataset | None, folder: Path) -> list[Path]:

@@ -152,6 +152,7 @@ class Summary(NamedTuple):
     findings_of: str = "Waves without the device"
     effects: tuple[Effects, ...] = ()  # of a designed matrix
     lost_ticks: LostTicks | None = None  # before a trip, if they may be its cause
+    rig_time_s: float = float("nan")  # without interruptions; NaN: unknown
     record: RecordState | None = None  # completeness of the record, independent of the ending
     resumed_utc: tuple[str, ...] = ()  # when the run was resumed
     choices: tuple[str, ...] = ()  # of the rows of an adaptive campaign
@@ -169,6 +170,11 @@ class Summary(NamedTuple):
     def record_text(self) -> str:
         """State and damage of the record as text."""
         return self.record.sentence if self.record else ""
+
+    @property
+    def rig_time_text(self) -> str:
+        """Duration on the rig's clock as text; empty if unknown."""
+        return phrases.clock_text(self.rig_time_s) if np.isfinite(self.rig_time_s) else ""
 
     def further_text(self, optimum: Optimum) -> str:
         """Return the further settings as text; a column without effect only by its name."""
@@ -350,6 +356,7 @@ def as_text(summary: Summary) -> str:
         f"started  {summary.started_utc}",
         *([f"resumed  {', '.join(summary.resumed_utc)}"] if summary.resumed_utc else []),
         f"ended    {summary.ended_utc}",
+        *([f"rig time {summary.rig_time_text}"] if summary.rig_time_text else []),
         f"code     {summary.code}",
         *([f"calib.   {summary.calibration}"] if summary.calibration else []),
         "",

@@ -39,6 +39,7 @@ class Stop(NamedTuple):
 
     location: str  # time, row and phase as text; empty if the plan ran to its end
     lost: LostTicks | None
+    trip_time: float | None = None  # s from the start of the run; None: people or the plan stopped
 
 
 NO_STOP = Stop("", None)
@@ -162,7 +163,10 @@ def find_stop(run: Path, status: Mapping[str, Any]) -> Stop:
             continue
         tick = block[stop_ticks[0]]
         tripped = tick["safety.reason"] not in _NO_TRIP
-        return Stop(_location_text(tick), lost_before_trip(ticks, skipped, dt) if tripped else None)
+        if not tripped:
+            return Stop(_location_text(tick), None)
+        lost = lost_before_trip(ticks, skipped, dt)
+        return Stop(_location_text(tick), lost, float(tick["time"]))
     return NO_STOP
 
 

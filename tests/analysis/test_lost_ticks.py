@@ -7,12 +7,15 @@ import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
 import synthetic_runs as synthetic
 from command_here import rig
+from matplotlib.image import imread
 
+from rig.analysis import traces
 from rig.analysis.report import write_products
 from rig.analysis.stop_reason import LostTicks, describe_reason, find_stop, lost_before_trip
 from rig.api.campaign_run import lost_ticks
@@ -148,6 +151,23 @@ def test_a_trip_is_shown_with_name_first_message_and_advice(tmp_path: Path) -> N
     assert lines[begin + 1 : begin + 3] == ["First message: drive: slew = nan", advice]
     lost = tripped(tmp_path / "lost", gap=30, plan=plan)
     assert "To do" not in rig("show", lost).stdout  # the computer is to be checked first
+
+
+def test_plot_draws_the_last_seconds_of_a_trip(tmp_path: Path) -> None:
+    """From 4 s before the trip to the last tick, with a line at the trip."""
+    run = tripped(tmp_path / "run", gap=1)
+    with mock.patch.object(traces, "_draw", wraps=traces._draw) as draw:
+        done = rig("plot", run)
+    assert done.returncode == 0, done.stderr
+    assert str(run / "trip.png") in done.stdout.splitlines()
+    assert imread(run / "trip.png").std() > 0.02
+    _, _, data, names, _, mark = draw.call_args.args
+    assert f"stopped {mark:.3f} s after" in find_stop(run, {}).location
+    assert data["time"][0] == pytest.approx(mark - 4.0, abs=0.5 * SHAPE.dt)
+    assert data["time"][-1] == pytest.approx(mark + 4 * SHAPE.dt)
+    assert {"heave.estimate.position", "load.age", "heave.command.force"} <= {*names}
+    stopped = tripped(tmp_path / "stopped", Reason.OPERATOR_STOP, status={"status": "stopped"})
+    assert "trip.png" not in rig("plot", stopped).stdout
 
 
 def test_the_stop_is_that_of_the_last_stage(tmp_path: Path) -> None:

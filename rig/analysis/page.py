@@ -134,7 +134,7 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
                 phrases.format_signed(value) if isfinite(value) else ""
                 for _, value in labels.best_values(summary.main, optimum.point)
             ),
-            optimum.caveat,
+            "\n".join(caveats := optimum.caveat.split("; ")),
         )
         for i, (x, cell, side) in enumerate(zip(positions, cells, alignments, strict=True)):
             weight = "bold" if i == 1 else "normal"
@@ -144,8 +144,10 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
         last_name = optimum.station.name
         further_text = summary.further_text(optimum)
         few = len(summary.optima) <= _MAX_TWO_LINE_OPTIMA
-        if further_text and (few or optimum.station.name == main_name):
+        has_further = further_text and (few or optimum.station.name == main_name)
+        if has_further:
             _note(figure, _COLUMN_EDGES[-1], y, further_text, ha="right")
+        if has_further or len(caveats) > 1:
             y -= 0.0135
     if summary.further and len(summary.optima) > _MAX_TWO_LINE_OPTIMA:
         text = "Other columns of the best points at the other stations: see summary.txt"

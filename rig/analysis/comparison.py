@@ -36,7 +36,8 @@ from rig.analysis.points import (
     levels,
     varied_columns,
 )
-from rig.analysis.rows import INCOMPLETE, record_of, rig_time, row_table
+from rig.analysis.rows import INCOMPLETE, record_of, rig_time
+from rig.analysis.stored_rows import current_table
 from rig.analysis.summary import format_rows
 from rig.config.differences import ABSENT
 from rig.presentation import phrases
@@ -135,7 +136,9 @@ def compare(
     be read, and KeyError if the kind of rig has no rows and power.
     """
     facts_a, facts_b = run_info(run_a), run_info(run_b)
-    table_a, table_b = (row_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b))
+    table_a, table_b = (
+        current_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b)
+    )
     matrices = gain_matrix(table_a), gain_matrix(table_b)
     matched = match(*matrices, tolerances)
     seas = normalised_sea(facts_a), normalised_sea(facts_b)

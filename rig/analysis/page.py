@@ -213,11 +213,16 @@ def _alarms_and_timing(figure: Figure, summary: Summary) -> float:
     return y + 0.03
 
 
-def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) -> None:
+def _surfaces(
+    figure: Figure, summary: Summary, table: xarray.Dataset, bottom: float, top: float
+) -> None:
     """Draw the surfaces between two heights of the page, in their own subfigure."""
     columns = surfaces.panel_columns(table)
     note = ""
-    if columns > _MAX_PANELS:
+    if summary.few_chosen:
+        share = f"{summary.rows_done} of {summary.rows_planned}"
+        note = f"{share} candidates are too few for surfaces: see choices.png"
+    elif columns > _MAX_PANELS:
         panel = with_role(columns_of(table), PANEL)
         note = f"{columns} {panel.label if panel else 'panel'}s: see surfaces.png"
     elif top - bottom < _MIN_SURFACE_HEIGHT * len(shown(stations_of(table))):
@@ -242,7 +247,7 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     top = _best_points(figure, summary, min(0.805, details_bottom, _outcome(figure, summary)))
     bottom = _alarms_and_timing(figure, summary)
     top = _effects(figure, summary, top, bottom)
-    _surfaces(figure, table, bottom, top)
+    _surfaces(figure, summary, table, bottom, top)
     pdf, png = folder / "summary.pdf", folder / "summary.png"
     title = f"{summary.campaign}, run {summary.run}"
     picture.save(figure, png, 130.0)

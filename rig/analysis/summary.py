@@ -120,6 +120,7 @@ def alarms(table: xarray.Dataset, run_facts: RunInfo, unfinished: str = "") -> l
     return messages
 
 
+SURFACE_SHARE = 0.25  # of the candidates of an adaptive campaign; with fewer, surfaces have gaps
 _MAX_ALIKE = 3  # points listed that cannot be distinguished from the best one
 
 
@@ -165,6 +166,11 @@ class Summary(NamedTuple):
         rows = "candidates measured" if self.choices else "rows complete"
         done = f"{self.rows_done} of {self.rows_planned} {rows}"
         return f"{done}; {self.stopped}" if self.stopped else done
+
+    @property
+    def few_chosen(self) -> bool:
+        """Whether an adaptive campaign measured too few of its candidates to draw surfaces."""
+        return bool(self.choices) and self.rows_done < SURFACE_SHARE * self.rows_planned
 
     @property
     def record_text(self) -> str:

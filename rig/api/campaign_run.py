@@ -164,6 +164,8 @@ class CampaignRun:
             products = products._replace(trouble=trouble)
         done = ended.outcome.status == "complete" and not options.manual
         if done and not (products.trouble or products.interrupted):
+            if opened.campaign is not None:
+                self._feedback.progress("comparing with the limits for the certificate ...")
             products = _with_certificate(products, ended.folder, opened.campaign, options)
         failed = "; ".join(filter(None, (ended.save_error, products.trouble)))
         return CompletedRun(ended, products, failed, lost_ticks(ended))

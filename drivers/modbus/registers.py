@@ -129,3 +129,8 @@ def implausible_values(block: RegisterBlock, values: Sequence[float]) -> tuple[s
         for value, number in zip(block.values, values, strict=True)
         if not value.low <= number <= value.high
     )
+
+
+def implausible_hint(values: Sequence[float]) -> str:
+    """Return the likely cause of implausible values: of a NaN, the device has no measurement."""
+    return "no number" if any(map(math.isnan, values)) else "swapped words?"

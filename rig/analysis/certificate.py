@@ -14,7 +14,8 @@ import numpy as np
 
 from rig.analysis.limits import Bound, BoundedValues, find_bounds
 from rig.analysis.rehearsed_faults import RehearsedFaults, find_rehearsed_faults
-from rig.analysis.rows import COMPLETE, columns_of, row_table, stations_of
+from rig.analysis.rows import COMPLETE, columns_of, stations_of
+from rig.analysis.stored_rows import current_table
 from rig.config.differences import key_differences, value_text
 from rig.log_fields import from_record
 from rig.presentation.json_values import json_value
@@ -77,7 +78,7 @@ def certify(run: Path) -> Path | None:
     info = run_info(run, source.contents)
     if info.status.get("status") != "complete" or not info.plan.get("rows"):
         return None
-    table = row_table(run)
+    table = current_table(run)
     if set(table["state"].values.tolist()) != {COMPLETE}:
         return None
     bounds = find_bounds(source.leaves, info.config, from_record(info.plan.get("log_fields")))
@@ -241,7 +242,7 @@ def deviations(run: Path) -> tuple[Deviation, ...]:
     content = read_certificate(run / REHEARSAL)
     if content is None:
         return ()
-    return tuple(_deviations(row_table(run), {row["row"]: row for row in content["rows"]}))
+    return tuple(_deviations(current_table(run), {row["row"]: row for row in content["rows"]}))
 
 
 def deviation_texts(run: Path) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ columns: every set of drive parameters of one run is then compared with the same
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,11 +36,13 @@ from rig.analysis.points import (
     levels,
     varied_columns,
 )
-from rig.analysis.rows import INCOMPLETE, row_table
+from rig.analysis.rows import INCOMPLETE, record_of, rig_time
+from rig.analysis.stored_rows import current_table
 from rig.analysis.summary import format_rows
 from rig.config.differences import ABSENT
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
+from rig.presentation.phrases import clock_text
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.table_file import write_table
 from rig.row_contents import DRIVE, Column, main_columns, union
@@ -63,6 +65,7 @@ class ComparedRun(NamedTuple):
     sea: str
     ended: str
     points: int  # measured
+    rig_time_s: float  # of its executed ticks; NaN if unknown
 
 
 class PowerDifference(NamedTuple):
@@ -99,6 +102,13 @@ class MatchedPoints(NamedTuple):
     constant_differences: tuple[ConstantDifference, ...]
 
 
+class BestPoints(NamedTuple):
+    """The measured points of both runs that absorb most at a station; None without any."""
+
+    a: Point | None
+    b: Point | None
+
+
 class Comparison(NamedTuple):
     """The comparison of two runs: differing settings and matched points."""
 
@@ -110,6 +120,7 @@ class Comparison(NamedTuple):
     matched: MatchedPoints
     tolerances: Mapping[str, float]  # of the matched columns, SI
     stations: tuple[Station, ...]  # those of A that B has, too
+    best: Mapping[str, BestPoints]  # by name of the station
 
 
 def compare(
@@ -125,16 +136,20 @@ def compare(
     be read, and KeyError if the kind of rig has no rows and power.
     """
     facts_a, facts_b = run_info(run_a), run_info(run_b)
-    table_a, table_b = (row_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b))
+    table_a, table_b = (
+        current_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b)
+    )
     matrices = gain_matrix(table_a), gain_matrix(table_b)
     matched = match(*matrices, tolerances)
     seas = normalised_sea(facts_a), normalised_sea(facts_b)
     settings = differences(facts_a, facts_b)
     same_sea = not any(each.group == "sea" for each in settings)
+    b_stations = {station.name for station in matrices[1].stations}
+    stations = tuple(each for each in matrices[0].stations if each.name in b_stations)
     tolerances_used = {c.name: (tolerances or {}).get(c.name, c.tolerance) for c in matched.columns}
     return Comparison(
-        _describe_run(facts_a, matrices[0]),
-        _describe_run(facts_b, matrices[1]),
+        _describe_run(facts_a, table_a, matrices[0]),
+        _describe_run(facts_b, table_b, matrices[1]),
         (
             *_withheld_rows(facts_a, table_a),
             *_withheld_rows(facts_b, table_b),
@@ -144,11 +159,15 @@ def compare(
         tuple(settings),
         matched,
         tolerances_used,
-        tuple(s for s in matrices[0].stations if s.name in {x.name for x in matrices[1].stations}),
+        stations,
+        {
+            each.name: BestPoints(*(best_point(matrix.points, each.name) for matrix in matrices))
+            for each in stations
+        },
     )
 
 
-def _describe_run(run_facts: RunInfo, matrix: Matrix) -> ComparedRun:
+def _describe_run(run_facts: RunInfo, table: xarray.Dataset, matrix: Matrix) -> ComparedRun:
     status = str(run_facts.status.get("status") or "no end recorded")
     rig = (run_facts.config.get("rig") or {}).get("name")
     return ComparedRun(
@@ -159,6 +178,7 @@ def _describe_run(run_facts: RunInfo, matrix: Matrix) -> ComparedRun:
         sea_text(run_facts),
         status,
         len(matrix.points),
+        rig_time(record_of(table), run_facts),
     )
 
 
@@ -313,10 +333,10 @@ def describe_pair(matched: MatchedPoints, pair: Pair) -> str:
     return f"{text} (B differs in {', '.join(offsets)})" if offsets else text
 
 
-def best_point(pairs: tuple[Pair, ...], station: str, side: int) -> Point | None:
-    """Return the matched point of run A (0) or B (1) that absorbs most."""
-    points = [pair[side] for pair in pairs if math.isfinite(pair[side].power[station])]
-    return min(points, key=lambda point: point.power[station]) if points else None
+def best_point(points: Sequence[Point], station: str) -> Point | None:
+    """Return the measured point that absorbs most at a station; None without any."""
+    measured = [point for point in points if math.isfinite(point.power[station])]
+    return min(measured, key=lambda point: point.power[station], default=None)
 
 
 def format_difference(difference: PowerDifference) -> str:
@@ -330,13 +350,15 @@ def as_text(comparison: Comparison) -> str:
     for name, side in (("A", comparison.a), ("B", comparison.b)):
         stamp = phrases.mode_stamp(side.mode)
         lines.append(f"{name}  {side.run}, campaign {side.campaign or 'unknown'}   [{stamp}]")
+        time = clock_text(side.rig_time_s) if math.isfinite(side.rig_time_s) else "unknown"
         lines.append(
-            f"   rig {side.rig}; sea {side.sea}; {side.points} points measured, {side.ended}"
+            f"   rig {side.rig}; sea {side.sea}; {side.points} points measured, {side.ended}; "
+            f"rig time {time}"
         )
     for warning in comparison.warnings:
         lines += ["", f"!! {warning}"]
     lines += ["", "Settings that differ", *_settings_lines(comparison)]
-    lines += ["", *_matching_lines(comparison)]
+    lines += ["", *_best_lines(comparison), "", *_matching_lines(comparison)]
     if comparison.matched.pairs:
         lines += ["", *_mean_lines(comparison), "", *_point_lines(comparison)]
     for name, points in (("A", comparison.matched.only_a), ("B", comparison.matched.only_b)):
@@ -378,25 +400,50 @@ def _matching_lines(comparison: Comparison) -> list[str]:
     return [*lines, f"{len(matched.only_a)} points only in A, {len(matched.only_b)} only in B"]
 
 
+def _best_lines(comparison: Comparison) -> list[str]:
+    """Return the best measured point of each run, station by station, matched or not."""
+    both = [point for best in comparison.best.values() for point in best if point is not None]
+    lines = ["Best points of each run, W" + _error_text(both)]
+    columns = (*comparison.matched.columns, *comparison.matched.one_sided)
+    for station in comparison.stations:
+        label = station.label
+        for side, point in zip("AB", comparison.best[station.name], strict=True):
+            if point is None:
+                lines.append(f"  {label:<34}{side}{'-':>17}")
+            else:
+                shown = (c for c in columns if c.name in point.setting)
+                setting = ", ".join(labels.format_setting(c, point.setting[c.name]) for c in shown)
+                power = _format_point_power(point, station.name)
+                row = ", ".join(map(str, point.rows))
+                lines.append(f"  {label:<34}{side}{power:>17}   row {row}: {setting}")
+            label = ""
+        a, b = comparison.best[station.name]
+        if a is not None and b is not None:
+            difference = power_difference(Pair(a, b), station.name)
+            lines.append(f"  {'':<30}B - A{format_difference(difference):>17}")
+    return lines
+
+
+def _error_text(points: Iterable[Point]) -> str:
+    """Return what ± means, as the end of a heading; empty without errors."""
+    source = error_source(points)
+    return f" (± standard error by {source})" if source else ""
+
+
 def _mean_lines(comparison: Comparison) -> list[str]:
     pairs = comparison.matched.pairs
     source = error_source(point for pair in pairs for point in pair)
     lines = [
-        "Mean difference and best points of the matched pairs, W (B less A"
-        + (f"; ± standard error by {source})" if source else ")"),
-        f"  {'':<32}{'B - A':>16}{'best of A':>18}{'best of B':>18}",
+        "Mean difference of the matched pairs, W (B less A"
+        + (f"; ± standard error by {source})" if source else ")")
     ]
     for station in comparison.stations:
-        tops = (best_point(pairs, station.name, side) for side in (0, 1))
-        cells = "".join(f"{_format_point_power(top, station.name):>18}" for top in tops)
         mean = format_difference(mean_difference(pairs, station.name))
-        lines.append(f"  {station.label:<32}{mean:>16}{cells}")
+        lines.append(f"  {station.label:<32}{mean:>18}")
     return lines
 
 
-def _format_point_power(point: Point | None, station: str) -> str:
-    if point is None:
-        return "-"
+def _format_point_power(point: Point, station: str) -> str:
     return phrases.format_power(point.power[station], point.error[station]).removesuffix(" W")
 
 
@@ -433,6 +480,12 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
     def difference_json(difference: PowerDifference) -> dict[str, float]:
         return {"b_less_a": difference.watts, "standard_error": difference.error}
 
+    def point_json(point: Point | None, name: str) -> dict[str, Any] | None:
+        if point is None:
+            return None
+        powers = {"mean_w": point.power[name], "standard_error_w": point.error[name]}
+        return {"rows": point.rows, "setting": point.setting, **powers}
+
     matched, names = comparison.matched, station_names(comparison.stations)
     means = {name: mean_difference(matched.pairs, name) for name in names}
     values = {
@@ -448,6 +501,13 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "matched_on": dict(comparison.tolerances),
         "varied_in_one_run": [column.name for column in matched.one_sided],
         "mean_difference_w": {name: difference_json(mean) for name, mean in means.items()},
+        "best": {
+            name: {
+                side: point and point_json(point, name)
+                for side, point in zip("ab", best, strict=True)
+            }
+            for name, best in comparison.best.items()
+        },
         "pairs": [
             {
                 "setting": joint_setting(matched, pair),

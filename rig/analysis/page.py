@@ -66,6 +66,7 @@ def _run_details(figure: Figure, summary: Summary) -> float:
         "Start": summary.started_utc,
         **({"Resumed": ", ".join(summary.resumed_utc)} if summary.resumed_utc else {}),
         "End": summary.ended_utc,
+        **({"Rig time": summary.rig_time_text} if summary.rig_time_text else {}),
         "Host": summary.host,
         "Code": summary.code,
         **({"Calib.": summary.calibration} if summary.calibration else {}),
@@ -87,6 +88,8 @@ def _outcome(figure: Figure, summary: Summary) -> float:
     colour = _GOOD if complete else _BAD
     _text(figure, x, 0.905, summary.ending, fontsize=15, fontweight="bold", color=colour)
     reason = textwrap.wrap(summary.reason[:1].upper() + summary.reason[1:] + ".", 48)
+    for hint in summary.hints:
+        reason += textwrap.wrap(hint, 48, max_lines=3, placeholder=" ...")
     _text(figure, x, 0.880, "\n".join(reason))
     share = summary.rows_done / max(1, summary.rows_planned)
     y, width = min(0.843, 0.876 - _LINE * len(reason)), _RIGHT - x
@@ -131,7 +134,7 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
                 phrases.format_signed(value) if isfinite(value) else ""
                 for _, value in labels.best_values(summary.main, optimum.point)
             ),
-            optimum.caveat,
+            "\n".join(caveats := optimum.caveat.split("; ")),
         )
         for i, (x, cell, side) in enumerate(zip(positions, cells, alignments, strict=True)):
             weight = "bold" if i == 1 else "normal"
@@ -141,8 +144,10 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
         last_name = optimum.station.name
         further_text = summary.further_text(optimum)
         few = len(summary.optima) <= _MAX_TWO_LINE_OPTIMA
-        if further_text and (few or optimum.station.name == main_name):
+        has_further = further_text and (few or optimum.station.name == main_name)
+        if has_further:
             _note(figure, _COLUMN_EDGES[-1], y, further_text, ha="right")
+        if has_further or len(caveats) > 1:
             y -= 0.0135
     if summary.further and len(summary.optima) > _MAX_TWO_LINE_OPTIMA:
         text = "Other columns of the best points at the other stations: see summary.txt"
@@ -208,11 +213,16 @@ def _alarms_and_timing(figure: Figure, summary: Summary) -> float:
     return y + 0.03
 
 
-def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) -> None:
+def _surfaces(
+    figure: Figure, summary: Summary, table: xarray.Dataset, bottom: float, top: float
+) -> None:
     """Draw the surfaces between two heights of the page, in their own subfigure."""
     columns = surfaces.panel_columns(table)
     note = ""
-    if columns > _MAX_PANELS:
+    if summary.few_chosen:
+        share = f"{summary.rows_done} of {summary.rows_planned}"
+        note = f"{share} candidates are too few for surfaces: see choices.png"
+    elif columns > _MAX_PANELS:
         panel = with_role(columns_of(table), PANEL)
         note = f"{columns} {panel.label if panel else 'panel'}s: see surfaces.png"
     elif top - bottom < _MIN_SURFACE_HEIGHT * len(shown(stations_of(table))):
@@ -237,7 +247,7 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     top = _best_points(figure, summary, min(0.805, details_bottom, _outcome(figure, summary)))
     bottom = _alarms_and_timing(figure, summary)
     top = _effects(figure, summary, top, bottom)
-    _surfaces(figure, table, bottom, top)
+    _surfaces(figure, summary, table, bottom, top)
     pdf, png = folder / "summary.pdf", folder / "summary.png"
     title = f"{summary.campaign}, run {summary.run}"
     picture.save(figure, png, 130.0)

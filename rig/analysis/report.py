@@ -30,10 +30,11 @@ from rig.analysis.choices_picture import write_choices
 from rig.analysis.effects import all_effects, write_effects
 from rig.analysis.page import write_page
 from rig.analysis.points import gain_matrix, varied_columns
-from rig.analysis.rows import COMPLETE, row_table, write_rows
+from rig.analysis.rows import COMPLETE, record_of, rig_time, write_rows
 from rig.analysis.run_products import DrawOptions, RunProducts, RunSummary
 from rig.analysis.slices import law_axes
 from rig.analysis.stop_reason import find_stop
+from rig.analysis.stored_rows import current_table
 from rig.analysis.summary import Summary, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
 from rig.analysis.uncertainty import BUDGET_ATTRIBUTE, uncertainty_texts
@@ -66,14 +67,12 @@ def summarise_rows(
 ) -> tuple[xarray.Dataset, Summary]:
     """Return the row table and the summary of a run; the arguments are those of `row_table`."""
     contents = list(reader.open_files(run).contents)
-    table = row_table(run, calibrations, incomplete_rows=incomplete_rows)
+    table = current_table(run, calibrations, incomplete_rows=incomplete_rows)
     run_facts = run_info(run, contents)
     summary = summaries.summarise(
         table, run_facts, _unfinished_text(contents), find_stop(run, run_facts.status)
     )
-    summary = summary._replace(
-        record=RecordState.from_dict(json.loads(table.attrs["record_state"]))
-    )
+    summary = _with_record(summary, record_of(table), run_facts)
     summary = summary._replace(uncertainty=uncertainty_texts(table))
     if Path(run).is_dir():
         summary = summary._replace(rehearsed=certificate.deviation_texts(Path(run)))
@@ -129,7 +128,11 @@ def analyse(
     if summary.findings_of == OPEN_LOOP:
         return Analysis(summary, partial(write_rows, table))
     page: Write = partial(write_page, summary, table)
-    drawn = (page, *_pictures(table), *_picture_of_choices(table, run_facts))
+    drawn = (
+        page,
+        *_pictures(table, few=summary.few_chosen),
+        *_picture_of_choices(table, run_facts),
+    )
     return Analysis(summary, partial(_write_tables, run, table), drawn)
 
 
@@ -145,7 +148,12 @@ def _analyse_waves(run: Path, incomplete_rows: bool) -> Analysis:
         findings = [str(error)]
     no_rows, unfinished = xarray.Dataset(), _unfinished_text(contents)
     summary = summaries.summarise(no_rows, run_facts, unfinished, findings=tuple(findings))
-    return Analysis(summary._replace(record=reader.check_record(run)), partial(_write_waves, waves))
+    summary = _with_record(summary, reader.check_record(run), run_facts)
+    return Analysis(summary, partial(_write_waves, waves))
+
+
+def _with_record(summary: Summary, record: RecordState, run_facts: RunInfo) -> Summary:
+    return summary._replace(record=record, rig_time_s=rig_time(record, run_facts))
 
 
 def _write_waves(waves: xarray.Dataset | None, folder: Path) -> list[Path]:
@@ -228,11 +236,15 @@ def _write_tables(run: Path, table: xarray.Dataset, folder: Path) -> list[Path]:
     return paths
 
 
-def _pictures(table: xarray.Dataset) -> list[Write]:
-    """Return the functions that draw surfaces, and slices and bars if the matrix has their data."""
-    gains = gain_matrix(table)
-    pictures: list[Write] = [partial(_draw, write_surfaces, table, "surfaces.png")]
-    if gains.points and can_be_sliced(gains):
+def _pictures(table: xarray.Dataset, *, few: bool) -> list[Write]:
+    """Return the functions that draw surfaces, and slices and bars if the matrix has their data.
+
+    ``few``: an adaptive campaign measured too few of its candidates for surfaces.
+    """
+    gains, pictures = gain_matrix(table), list[Write]()
+    if not few:
+        pictures.append(partial(_draw, write_surfaces, table, "surfaces.png"))
+    if gains.points and not few and can_be_sliced(gains):
         pictures.append(partial(_draw, write_sliced, table, "surfaces_sliced.png"))
     if gains.points and varies_drive(gains):
         pictures.append(partial(_draw, write_bars, table, "bars.png"))
@@ -292,7 +304,7 @@ def draw(run: Path, options: DrawOptions, analyse: Analyse = analyse) -> list[Pa
     calibrations, incomplete = options.calibrations, options.incomplete_rows
     if not (options.selects_surface or options.sort):
         return write_products(run, calibrations, incomplete_rows=incomplete, analyse=analyse)
-    table = row_table(run, calibrations, incomplete_rows=incomplete)
+    table = current_table(run, calibrations, incomplete_rows=incomplete)
     folder = products_folder(run, calibrations)
     if options.output is None:
         folder.mkdir(exist_ok=True)

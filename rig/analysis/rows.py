@@ -37,7 +37,7 @@ from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import reader
 from rig.recording.runs.folder import RunInfo, earlier_contents, run_info
 from rig.recording.runs.mcap_file import Records
-from rig.recording.runs.state import RecordCheck
+from rig.recording.runs.state import RecordCheck, RecordState
 from rig.recording.runs.windows import (
     SKIPPED_ROW,
     JoinedRows,
@@ -470,3 +470,14 @@ def _write_netcdf(table: "xarray.Dataset", path: Path) -> None:
             fill = np.nan if kind.kind == "f" else None
             stored = file.create_variable(str(name), variable.dims, kind, values, fillvalue=fill)
             stored.attrs.update(variable.attrs)
+
+
+def record_of(table: "xarray.Dataset") -> RecordState:
+    """Return the state of the record from which a row table was computed."""
+    return RecordState.from_dict(json.loads(table.attrs["record_state"]))
+
+
+def rig_time(record: RecordState, run_facts: RunInfo) -> float:
+    """Return the duration of a run on the rig's clock without interruptions, s; NaN if unknown."""
+    dt = run_facts.plan.get("dt")
+    return record.ticks * float(dt) if dt else float("nan")

@@ -120,6 +120,7 @@ def alarms(table: xarray.Dataset, run_facts: RunInfo, unfinished: str = "") -> l
     return messages
 
 
+SURFACE_SHARE = 0.25  # of the candidates of an adaptive campaign; with fewer, surfaces have gaps
 _MAX_ALIKE = 3  # points listed that cannot be distinguished from the best one
 
 
@@ -146,11 +147,13 @@ class Summary(NamedTuple):
     further: tuple[Column, ...]  # other columns that vary
     alarms: tuple[str, ...]
     timing: str
+    hints: tuple[str, ...] = ()  # first message and advice, of a fault
     stopped: str = ""  # time and place in the plan, of a run that did not complete its plan
     findings: tuple[str, ...] = ()  # of a run without best points, one message each
     findings_of: str = "Waves without the device"
     effects: tuple[Effects, ...] = ()  # of a designed matrix
     lost_ticks: LostTicks | None = None  # before a trip, if they may be its cause
+    rig_time_s: float = float("nan")  # without interruptions; NaN: unknown
     record: RecordState | None = None  # completeness of the record, independent of the ending
     resumed_utc: tuple[str, ...] = ()  # when the run was resumed
     choices: tuple[str, ...] = ()  # of the rows of an adaptive campaign
@@ -165,9 +168,19 @@ class Summary(NamedTuple):
         return f"{done}; {self.stopped}" if self.stopped else done
 
     @property
+    def few_chosen(self) -> bool:
+        """Whether an adaptive campaign measured too few of its candidates to draw surfaces."""
+        return bool(self.choices) and self.rows_done < SURFACE_SHARE * self.rows_planned
+
+    @property
     def record_text(self) -> str:
         """State and damage of the record as text."""
         return self.record.sentence if self.record else ""
+
+    @property
+    def rig_time_text(self) -> str:
+        """Duration on the rig's clock as text; empty if unknown."""
+        return phrases.clock_text(self.rig_time_s) if np.isfinite(self.rig_time_s) else ""
 
     def further_text(self, optimum: Optimum) -> str:
         """Return the further settings as text; a column without effect only by its name."""
@@ -245,7 +258,7 @@ def summarise(
     ``unfinished`` is the first alarm if the record lacks its end. ``stop`` is where the run left
     its plan, with the ticks lost before. ``findings`` are the results of a run without rows.
     """
-    ending = describe_ending(run_facts.status, stop.lost)
+    ending = describe_ending(run_facts.status, stop.lost, run_facts.reasons)
     states = table["state"].values.tolist() if table.sizes.get("row", 0) else []
     matrix = gain_matrix(table)
     main, rig = main_columns(matrix.columns), run_facts.config.get("rig")
@@ -264,6 +277,7 @@ def summarise(
         calibration=str(table.attrs.get("calibration", "")),
         ending=ending.title,
         reason=ending.reason,
+        hints=ending.hints,
         rows_done=states.count(COMPLETE),
         rows_planned=len(states),
         optima=tuple(find_optima(table)),
@@ -338,6 +352,7 @@ def as_text(summary: Summary) -> str:
         f"Campaign {summary.campaign}   run {summary.run}   [{summary.stamp}]",
         "",
         f"{summary.ending}: {summary.reason}.",
+        *summary.hints,
         *([f"{summary.record_text}."] if summary.record else []),
         *([] if summary.findings and not summary.rows_planned else [f"{summary.rows_text}."]),
         "",
@@ -347,6 +362,7 @@ def as_text(summary: Summary) -> str:
         f"started  {summary.started_utc}",
         *([f"resumed  {', '.join(summary.resumed_utc)}"] if summary.resumed_utc else []),
         f"ended    {summary.ended_utc}",
+        *([f"rig time {summary.rig_time_text}"] if summary.rig_time_text else []),
         f"code     {summary.code}",
         *([f"calib.   {summary.calibration}"] if summary.calibration else []),
         "",

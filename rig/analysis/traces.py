@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Iterable
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from rig import log_fields
 from rig.presentation import phrases, picture
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunInfo, reader, run_info
@@ -23,6 +25,10 @@ _LEGEND: dict[str, Any] = {  # above a panel
     "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "fontsize": 7, "ncols": 5,
     "frameon": False, "borderpad": 0.2,
 }  # fmt: skip
+PHASE = "plan.phase"
+BEFORE_TRIP_S, AFTER_TRIP_S = 4.0, 1.0
+_TRIP_FIELDS = ("*.estimate.position", "*.estimate.velocity", "*.command.force", "*age")
+_TRIP_COLOUR = "#c00000"
 _MAX_QUANTITIES, _LABEL_LETTERS = 3, 20  # of a panel's label, and of a line of it
 _UNITLESS = ("flag", "index", "1")
 TIME_BINS = 2000  # time bins of a picture; each keeps its minimum and maximum
@@ -139,8 +145,53 @@ def write_traces(
     names = [name for name in selected if name != "time"]
     if isinstance(rows, int):
         rows = [rows]
-    plan_fields = [leaf.name for leaf in source.leaves if leaf.name == "plan.phase"]
-    data = reader.columns(source, ["time", *dict.fromkeys([*plan_fields, *names])], rows)
+    data = reader.columns(source, _columns(source, names), rows)
+    return _draw(run_facts, source, data, names, path)
+
+
+def write_trip(run: Path, trip_time: float, path: Path) -> Path:
+    """Write a picture of the last seconds around a trip, with a line at the trip.
+
+    ``trip_time``: s from the start of the run. The fields are those by which a rig trips: motion,
+    command and age of the readings, and all that its limits stop. Raises RunError for a run that
+    cannot be read.
+    """
+    source = reader.open_files(run)
+    run_facts = run_info(run, source.contents)
+    limits = log_fields.from_record(run_facts.plan.get("log_fields")).limits
+    limited = {each.field for each in limits if each.stops}
+    names = [
+        leaf.name
+        for leaf in source.leaves
+        if leaf.name in limited or any(fnmatch(leaf.name, each) for each in _TRIP_FIELDS)
+    ]
+    columns = _columns(source, names)
+    last = source._replace(stages=source.stages[-1:])
+    parts: dict[str, list[Any]] = {name: [] for name in columns}
+    for block in reader.blocks(last, fields=columns):
+        time = block["time"]
+        inside = (time >= trip_time - BEFORE_TRIP_S) & (time <= trip_time + AFTER_TRIP_S)
+        for name, values in parts.items():
+            values.append(block[name][inside])
+    data = {name: np.concatenate(values) for name, values in parts.items()}
+    return _draw(run_facts, source, data, names, path, trip_time)
+
+
+def _columns(source: reader.RunFiles, names: list[str]) -> list[str]:
+    """Return the fields that a picture of ``names`` needs: time, and the phase where there is."""
+    phases = [leaf.name for leaf in source.leaves if leaf.name == PHASE]
+    return ["time", *dict.fromkeys([*phases, *names])]
+
+
+def _draw(
+    run_facts: RunInfo,
+    source: reader.RunFiles,
+    data: dict[str, Any],
+    names: list[str],
+    path: Path,
+    mark: float | None = None,
+) -> Path:
+    """Draw fields over time, with a line at the time ``mark`` of a trip (s)."""
     time = data["time"]
     units = {leaf.name: leaf.unit for leaf in source.leaves}
     constant = _constant_fields(data, names)
@@ -169,13 +220,15 @@ def write_traces(
     step = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     phases: set[Phase] = set()
     for axes, (unit, members) in zip(axes_of, panels.items(), strict=False):
-        if plan_fields and len(time):
-            phases |= _shade_phases(axes, time, data["plan.phase"], step)
+        if PHASE in data and len(time):
+            phases |= _shade_phases(axes, time, data[PHASE], step)
         for i, name in enumerate(members):
             x, y = _break_at_gaps(time, data[name], step)
             style = ("-", "--", ":")[i // len(_LINE_COLOURS) % 3]
             colour = _LINE_COLOURS[i % len(_LINE_COLOURS)]
             axes.plot(*decimate(x, y), style, color=colour, lw=0.9, label=name)
+        if mark is not None:
+            axes.axvline(mark, color=_TRIP_COLOUR, lw=1.2, label="trip")
         axes.set_ylabel(_panel_label(members, unit))
         axes.grid(alpha=0.25)
         axes.margins(x=0.0)

@@ -50,6 +50,7 @@ class RunView(View, Protocol):
     """A display of the run that can name the set points which people choose."""
 
     columns: list[dict[str, Any]]
+    part: str  # of the campaign that the plan is, as text after a time; empty: all of it
 
 
 class OpenView(Protocol):
@@ -163,6 +164,8 @@ class CampaignRun:
             products = products._replace(trouble=trouble)
         done = ended.outcome.status == "complete" and not options.manual
         if done and not (products.trouble or products.interrupted):
+            if opened.campaign is not None:
+                self._feedback.progress("comparing with the limits for the certificate ...")
             products = _with_certificate(products, ended.folder, opened.campaign, options)
         failed = "; ".join(filter(None, (ended.save_error, products.trouble)))
         return CompletedRun(ended, products, failed, lost_ticks(ended))
@@ -176,12 +179,14 @@ class CampaignRun:
         return ended
 
     def _run_one(self, plan: Any, record: Mapping[str, Any], resumed: Path | None) -> RunResult:
-        opened, options, sea = self._opened, self._options, ""
+        opened, options, sea, part = self._opened, self._options, "", ""
         tasks, display, checked = opened.tasks, opened.display, opened.report.checked
         mode = self._mode
         assert checked is not None
         if (campaign := opened.campaign) is not None and len(campaign.file.seeds) > 1:
             checked, sea = campaign._replace(seed=plan.seed), f", seed {plan.seed}"
+            seeds = campaign.file.seeds
+            part = f" in sea {seeds.index(plan.seed) + 1} of {len(seeds)}"
             mode = _execution_mode(tasks, checked, options)
         mode = mode._replace(interpreted=options.interpreted)
         title = f"{checked.file.name} on {checked.rig.name}{sea}"
@@ -209,6 +214,7 @@ class CampaignRun:
                 fields["log_fields"] = log_fields(checked.rig).as_record()
             task = task._replace(plan=task.plan | dict(record) | fields | self._adaptive)
             began, self._page = partial(_begin, page, self._rehearsed, choosing), page.process
+            view.part = part
             if task.people.live is not None:
                 view.columns = task.people.live.describe()
             ended = run_task(task, self._runs, view, mode, began, resumed)

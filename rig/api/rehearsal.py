@@ -78,7 +78,7 @@ class _View:
     """Reports the snapshots of a run."""
 
     def __init__(self, reporter: Reporter, rows: int, on_start: Callable[[], None]) -> None:
-        self.notice, self.columns = "", list[dict[str, Any]]()
+        self.notice, self.part, self.columns = "", "", list[dict[str, Any]]()
         self._reporter, self._rows, self._on_start = reporter, rows, on_start
         self._begun: set[int] = set()  # rows
         self._started = False

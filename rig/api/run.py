@@ -111,7 +111,7 @@ class Run:
             state = _ABANDONED
         with public_errors():
             stop = find_stop(self.path, status)
-        ending = describe_ending(status, stop.lost).description
+        ending = describe_ending(status, stop.lost, self.info.reasons).description
         return RunOutcome(state, str(status.get("reason") or ""), ending)
 
     @cached_property
@@ -143,15 +143,10 @@ class Run:
             RigError: For a run without the rows of a campaign.
         """
         self._require_matrix("row table")
-        import xarray
-
-        from rig.analysis.rows import row_table
+        from rig.analysis.stored_rows import current_table
 
         with public_errors():
-            if self._is_up_to_date(_ROWS):
-                with xarray.open_dataset(self._folder / _ROWS, engine="h5netcdf") as stored:
-                    return stored.load()
-            return row_table(self.path)
+            return current_table(self.path)
 
     @cached_property
     def rows(self) -> "pandas.DataFrame":

@@ -1,7 +1,7 @@
 """The report of `rig check FILE`: all problems, or the summary and duration of the campaign."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import date
 from itertools import chain
 from pathlib import Path
@@ -78,6 +78,7 @@ class CheckReport(NamedTuple):
     simulated: SimulatedRows | None = None
     not_simulated: str = ""  # why the rows are not simulated, if they should be
     unchecked: tuple[str, ...] = ()  # checks that the problems prevented
+    disk: str = ""  # expected size of the log
 
     @property
     def checked(self) -> AnyCampaign | None:
@@ -105,6 +106,12 @@ class CheckReport(NamedTuple):
         """Reasons why no simulated row must run; empty without a simulation."""
         return () if self.simulated is None else tuple(self.simulated.refused())
 
+    @property
+    def duration(self) -> float:
+        """Longest duration of all stages, s; 0 if the files have problems."""
+        checked = self._campaign_and_plan()
+        return 0.0 if checked is None else sum(stage.duration for stage in _stages(*checked))
+
     def summary(self) -> dict[str, Any]:
         """Return the summary of the campaign, with times in s; empty if its files have problems."""
         checked = self._campaign_and_plan()
@@ -126,18 +133,18 @@ class CheckReport(NamedTuple):
             "repeat": file.repeat,
             **({} if file.adaptive is None else {"adaptive": file.adaptive.model_dump()}),
             **({"seas": len(file.seeds)} if len(file.seeds) > 1 else {}),
-            "duration_s": sum(stage.duration for stage in stages),
+            "duration_s": self.duration,
             **(
                 {"least_duration_s": sum(stage.least_duration for stage in stages)}
                 if planned.least_duration < planned.duration
                 else {}
             ),
-            "wave_clock_s": planned.wave_seconds,
-            "measured_s": planned.phases.measure,
+            "wave_clock_s": sum(stage.wave_seconds for stage in stages),
+            "measured_s": _phase_seconds(stages)["measure"],
             **moves_entry(campaign, planned),
             "periods_per_row": windows.periods,
             "measured_per_row_s": windows.measure,
-            "phases_s": planned.phases._asdict(),
+            "phases_s": _phase_seconds(stages),
             "rate_hz": campaign.rig.rate_hz,
             "files": [file.as_dict() for file in campaign.files],
         }
@@ -196,7 +203,8 @@ class CheckReport(NamedTuple):
         seed = ""
         if hasattr(file.sea, "seed"):
             seed = f", phases of {seeds_text(file)}"
-        phases = (f"{_phase_label(p)} {s:.6g} s" for p, s in planned.phases._asdict().items())
+        seconds = _phase_seconds(_stages(campaign, planned))
+        phases = (f"{_phase_label(phase)} {s:.6g} s" for phase, s in seconds.items())
         return [
             ("campaign", f"{file.name} on {campaign.rig.name}, {campaign.rig.rate_hz} Hz"),
             ("sea", f"{file.sea.description()}{seed}"),
@@ -205,13 +213,10 @@ class CheckReport(NamedTuple):
             *_law_lines(campaign),
             ("rows", rows),
             *_adaptive_line(file.adaptive),
-            ("measured", f"{measured}, {planned.phases.measure:.6g} s in total{most}"),
-            (
-                "duration",
-                f"{duration_text(planned)}{waits}; "
-                f"wave clock {planned.wave_seconds:.6g} s{seas_text(campaign, planned)}",
-            ),
+            ("measured", f"{measured}, {seconds['measure']:.6g} s in total{most}"),
+            ("duration", f"{duration_text(planned)}{waits}; {wave_clock_text(campaign, planned)}"),
             ("phases", ", ".join(phases)),
+            *([("disk", self.disk)] if self.disk else []),
             *campaign.kind.report_lines(campaign, planned),
         ]
 
@@ -278,7 +283,14 @@ def check_campaign(
     prediction = predictor(campaign, planned)
     times = _tank_times(campaign)
     tank = (
-        () if times is None else tank_warnings(times, planned.segments, planned.dt, campaign.locate)
+        ()
+        if times is None
+        else tank_warnings(
+            times,
+            [stage.segments for stage in _stages(campaign, planned)],
+            planned.dt,
+            campaign.locate,
+        )
     )
     refused = prediction.refused if prediction is not None else ()
     return CheckReport(
@@ -295,10 +307,14 @@ def check_campaign(
 
 def duration_text(planned: AnyPlan) -> str:
     """Return the duration of a plan, or its range where rows end as measured."""
-    longest = format_duration(planned.duration)
-    if planned.least_duration < planned.duration:
-        return f"{format_duration(planned.least_duration)} to {longest}, as the rows end"
-    return longest
+    text = _range_text(planned.least_duration, planned.duration)
+    return f"{text}, as the rows end" if planned.least_duration < planned.duration else text
+
+
+def _range_text(least: float, most: float) -> str:
+    """Return a range of durations, given in s; one duration where both are equal."""
+    text = format_duration(most)
+    return f"{format_duration(least)} to {text}" if least < most else text
 
 
 def _stages(campaign: AnyCampaign, planned: AnyPlan) -> list[AnyPlan]:
@@ -306,13 +322,21 @@ def _stages(campaign: AnyCampaign, planned: AnyPlan) -> list[AnyPlan]:
     return [planned] if len(campaign.file.seeds) == 1 else stage_plans(campaign)
 
 
-def seas_text(campaign: AnyCampaign, planned: AnyPlan) -> str:
-    """Return how often a campaign runs its plan, and the duration of all; empty for one sea."""
+def wave_clock_text(campaign: AnyCampaign, planned: AnyPlan) -> str:
+    """Return the time of the wave clock in a plan, and the duration of the plans of all seas."""
+    text = f"wave clock {planned.wave_seconds:.6g} s"
     stages = _stages(campaign, planned)
     if len(stages) == 1:
-        return ""
-    total = format_duration(sum(stage.duration for stage in stages))
-    return f", in each of {len(stages)} seas, one after the other: {total}"
+        return text
+    least, most = sum(s.least_duration for s in stages), sum(s.duration for s in stages)
+    times = f"{len(stages)} seas, one after the other: {_range_text(least, most)} in all"
+    return f"{text}; so in each of {times}"
+
+
+def _phase_seconds(stages: Sequence[AnyPlan]) -> dict[str, float]:
+    """Return the planned time in each phase of all stages, s."""
+    each = [stage.phases._asdict() for stage in stages]
+    return {phase: sum(seconds[phase] for seconds in each) for phase in each[0]}
 
 
 def _shortest_windows(campaign: AnyCampaign, planned: AnyPlan) -> RowWindows:

@@ -1,6 +1,8 @@
 """`rig check FILE`."""
 
 import json
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,9 +11,11 @@ import typer
 from rig.api.campaign_run import open_task
 from rig.campaign import CheckReport
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
-from rig.cli.options import TASK_HELP, Json, Rig
+from rig.cli.options import RUNS, TASK_HELP, Json, Rig, Runs
 from rig.cli.output import BAD_INPUT, OK, fail, input_errors, print_json
 from rig.config.wiring import WiringError
+from rig.host import disk
+from rig.interop.export_size import format_bytes
 from rig.kinds.interface import Report, Tasks
 from rig.presentation.console import table_console
 
@@ -26,6 +30,7 @@ def command(
         typer.Option("--simulate", help="Simulate all rows; compile the rig's loop if necessary."),
     ] = False,
     rig: Rig = None,
+    runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
     """Check a campaign or session: list every error, or describe the planned run.
@@ -33,6 +38,8 @@ def command(
     For a campaign, the report also predicts motion, current and power of
     each row. Where its law or its kind of rig has no such prediction, the
     report simulates the rows, if their loop is compiled on this host.
+    It estimates the size of the log, and warns if the disk of the folder of
+    runs has less room.
     """
     with input_errors("check", as_json=as_json):
         path, rig = input_file(task, CAMPAIGNS, SESSIONS), rig_file(rig)
@@ -45,13 +52,21 @@ def command(
         return fail("check", error, as_json=as_json)
     report = with_simulated_rows(report, simulate=simulate, quiet=as_json)
     refusal = _wire_refusal(tasks, report)
+    size = _log_bytes(tasks, report)
+    log = "" if size is None else f"about {format_bytes(float(f'{size:.2g}'))} of log"
     if as_json:
         refused = {"ok": False, "status": "bad input", "message": str(refusal)} if refusal else {}
-        print_json(json.loads(report.to_json()) | refused)
+        disk_values = {} if size is None else {"log_bytes": round(size)}
+        print_json(json.loads(report.to_json()) | disk_values | refused)
     else:
+        if isinstance(report, CheckReport):
+            report = report._replace(disk=log)
         opened.display.show_report(report, every_row=rows)
+        if log and not isinstance(report, CheckReport):
+            print(f"{'disk':11} {log}")
         if isinstance(report, CheckReport) and report.simulated is not None:
             report.simulated.show(every_row=rows)
+        _warn_of_full_disk(size, runs)
         if refusal:
             fail("check", refusal, as_json=False)
         show_verdict(report, can_run=report.ok and not refusal)
@@ -82,6 +97,26 @@ def with_simulated_rows(report: Report, *, simulate: bool = False, quiet: bool =
         return simulated_check.with_simulated_rows(
             report, compile_loop, lambda done: bar.show(done, f"simulated {done} of {count} rows")
         )
+
+
+def _log_bytes(tasks: Tasks, report: Report) -> float | None:
+    """Return the expected size of the log; None with problems."""
+    if report.checked is None or report.plan is None:
+        return None
+    task = tasks.execution_task(report.checked, report.plan)
+    seconds = report.duration if isinstance(report, CheckReport) else report.plan.duration
+    return disk.log_bytes(task.kind.row_type, seconds / task.dt)
+
+
+def _warn_of_full_disk(size: float | None, runs: Path) -> None:
+    """Print a warning where the disk of the folder of runs has less room than the log needs."""
+    if size is None:
+        return
+    with suppress(OSError):  # creating the run's folder reports the error
+        if (free := disk.free_bytes(runs)) < size:
+            text = f"the log needs {format_bytes(size)}, {format_bytes(free)} are free"
+            place = f"{text} in {runs.absolute()}; --runs names a folder on another disk"
+            print(f"warning: {place}", file=sys.stderr)
 
 
 def _wire_refusal(tasks: Tasks, report: Report) -> WiringError | None:

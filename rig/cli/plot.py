@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from rig.analysis.run_products import DrawOptions
-from rig.cli.input_files import find_calibrations, find_run, products_of
+from rig.cli.input_files import find_calibrations, find_run, products_of, run_folder
 from rig.cli.options import (
     RUNS,
     IncompleteRows,
@@ -19,6 +19,7 @@ from rig.cli.options import (
     Runs,
 )
 from rig.cli.output import OK, input_errors
+from rig.recording.runs import run_info
 
 
 def command(
@@ -60,7 +61,11 @@ def command(
     runs: Runs = RUNS,
     as_json: Json = False,
 ) -> int:
-    """Draw a run: its products, one surface, bars, or log fields over time."""
+    """Draw a run: its products, one surface, bars, or log fields over time.
+
+    Of a run that tripped, the products include trip.png: the last seconds
+    before the trip, and the first one after it.
+    """
     with input_errors("plot", as_json=as_json):
         path = find_run(run, runs)
         options = DrawOptions(
@@ -86,10 +91,23 @@ def _draw(run: Path, options: DrawOptions, fields: list[str], rows: list[int]) -
     if options.sort not in (None, "run", "power"):
         raise ValueError(f"--sort {options.sort}: allowed run, power")
     if not traces and (options.selects_surface or options.sort or not options.output):
-        return products_of(run).draw(run, options)
+        trip = [] if options.selects_surface or options.sort else _draw_trip(run)
+        return [*products_of(run).draw(run, options), *trip]
     if options.calibrations:
         raise ValueError("fields over time show recorded values; leave out --calibration")
     from rig.analysis.traces import write_traces  # matplotlib
 
     folder = run if run.is_dir() else run.parent
     return [write_traces(run, options.output or folder / "traces.png", fields, rows or None)]
+
+
+def _draw_trip(run: Path) -> list[Path]:
+    """Draw the last seconds of a run that tripped, and return the picture; of others, none."""
+    from rig.analysis.stop_reason import find_stop
+    from rig.analysis.traces import write_trip  # matplotlib
+
+    status = run_info(run).status
+    trip_time = find_stop(run, status).trip_time if status.get("status") == "fault" else None
+    if trip_time is None:
+        return []
+    return [write_trip(run, trip_time, run_folder(run) / "trip.png")]

@@ -236,14 +236,14 @@ def print_end(ended: RunResult, summary: str, lost: LostTicks | None) -> None:
         "reason": outcome.reason,
         "reason_text": ended.reasons.text(outcome.reason),
     }
-    ending = describe_ending(status, lost).description
+    ending = describe_ending(status, lost, ended.reasons)
     if summary:
         print(summary)
-    already_printed = ending in summary and (
+    already_printed = ending.description in summary and (
         sys.stdout.isatty() or outcome.status not in ("crashed", "refused")
     )
     if not already_printed:
-        print(f"\n{ending}.", file=sys.stderr)
+        print("\n".join([f"\n{ending.description}.", *ending.hints]), file=sys.stderr)
 
 
 def _print_folder(ended: RunResult, products: tuple[Path, ...], trouble: str) -> None:

@@ -60,6 +60,7 @@ class RunPanel:
         self._last: dict[str, float | int] = {}  # newest row but one
         self._last_lines: list[tuple[str, str]] = []  # of people, where there is no terminal
         self.columns: list[dict[str, Any]] = []  # of set points that people choose
+        self.part = ""  # of the campaign that the plan is; empty: all of it
         self._measured: dict[str, float | int] = {}  # newest row in a measured window
         self._printed_notice = ""
         self.notice = ""  # the pending request to the run, e.g. after Ctrl-C
@@ -191,7 +192,7 @@ class RunPanel:
         least = getattr(self._plan, "least_duration", planned)
         most = "at most " if least < self._plan.duration else ""
         return (
-            f"{clock_text(elapsed)} of {most}{clock_text(total)} rig time, "
+            f"{clock_text(elapsed)} of {most}{clock_text(total)} rig time{self.part}, "
             f"{most}{clock_text((total - elapsed) / max(speed, 1e-6))} left at "
             f"{speed:.1f} x real time"
         )

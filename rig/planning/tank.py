@@ -6,13 +6,13 @@ R. A. Dalrymple, Water Wave Mechanics for Engineers and Scientists, sections 3.4
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from rig.config.problems import Problem, format_number
+from rig.config.problems import Problem, format_number, number_ranges
 from rig.config.sea import AnySea, JonswapSea, MultisineSea, PinkSea, RegularSea
 from rig.config.tank import BEFORE_REFLECTION, Tank
 from rig.config.yaml_source import SourceMap
@@ -194,13 +194,14 @@ def tank_line(times: TankTimes) -> str:
 
 
 def tank_warnings(
-    times: TankTimes, segments: Segments, dt: float, locate: SourceMap
+    times: TankTimes, stages: Iterable[Segments], dt: float, locate: SourceMap
 ) -> Iterator[Problem]:
     """Yield a warning about rows measured before the full waves, and about those with reflections.
 
-    ``segments``: of the plan; ``dt``: of its ticks, s; ``locate``: of the campaign file.
+    ``stages``: segments of the plan of each sea; ``dt``: of their ticks, s; ``locate``: of the
+    campaign file.
     """
-    windows = list(_measured(segments, dt))
+    windows = [window for segments in stages for window in _measured(segments, dt)]
     early = [row for row, start, _ in windows if start < times.full - dt]
     late = [row for row, _, end in windows if end > times.reflected + dt]
     if early:
@@ -231,7 +232,6 @@ def _measured(segments: Segments, dt: float) -> Iterator[tuple[int, float, float
 
 
 def _rows(rows: list[int]) -> str:
-    """Return rows as text: they follow each other in a plan."""
     if len(rows) == 1:
         return f"row {rows[0]} is"
-    return f"rows {rows[0]} to {rows[-1]} ({len(rows)}) are"
+    return f"rows {', '.join(number_ranges(rows))} ({len(rows)}) are"

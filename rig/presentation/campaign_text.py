@@ -76,13 +76,28 @@ def total_duration(plan: Any, row: LogRow) -> float:
     return float(plan.duration + max(0.0, wait_before_waves - (plan.duration - plan.wave_seconds)))
 
 
-def power_text(row: LogRow, measured: LogRow, stations: Sequence[Station]) -> str:
-    """Return the mean powers of the measured part of a row so far, or of the last row."""
+def power_text(plan: Any, row: LogRow, measured: LogRow, stations: Sequence[Station]) -> str:
+    """Return the mean powers of the measured part of a row so far, or of the last row.
+
+    A mean over a part of a wave period says nothing about the power, so there is none of it.
+    """
     if row["power.samples"] > 0:
+        if row["power.samples"] < _period_ticks(plan, int(row["plan.row"])):
+            return "measuring the first period"
         return f"so far {_mean_power_text(row, stations)}"
     if not measured:
         return "not measuring"
     return f"row {int(measured['plan.row'])} when last seen {_mean_power_text(measured, stations)}"
+
+
+def _period_ticks(plan: Any, row: int) -> float:
+    """Return the ticks of a period of a planned row, less rounding; 0 with less than two periods.
+
+    A row of one period, as in an irregular sea, has no power before its end; its mean so far is
+    over many waves.
+    """
+    periods = getattr(plan.rows[row], "periods", 0) if 0 <= row < len(plan.rows) else 0
+    return plan.rows[row].measure / periods / plan.dt - 0.5 if periods > 1 else 0.0
 
 
 def _mean_power_text(row: LogRow, stations: Sequence[Station]) -> str:

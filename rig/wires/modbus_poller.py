@@ -156,7 +156,8 @@ class _BlockTask:
                 for value, number in zip(block.values, values, strict=True)
                 if value.name in implausible
             )
-            raise CodecError(self.polled.name, text, "plausible values", "swapped words?")
+            hint = registers.implausible_hint(values)
+            raise CodecError(self.polled.name, text, "plausible values", hint)
         self._untrusted = max(0, self._untrusted - 1)
         if self._untrusted > 0:
             return False

@@ -128,9 +128,8 @@ def _survey_unit(line: Line, polled_block: PolledBlock) -> UnitSurvey:
         for (name, unit), number in zip(polled_block.signals, numbers, strict=True)
     )
     text = ", ".join(f"{each.name} = {each.value:g}" for each in values if not each.plausible)
-    return survey._replace(
-        values=values, trouble=f"{text} is implausible; swapped words?" if text else ""
-    )
+    hint = registers.implausible_hint(numbers)
+    return survey._replace(values=values, trouble=f"{text} is implausible; {hint}" if text else "")
 
 
 def _read_block(line: Line, block: RegisterBlock) -> list[int]:

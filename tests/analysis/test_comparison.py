@@ -13,6 +13,7 @@ from matplotlib.image import imread
 from synthetic_runs import COLUMNS, POWERS, Row, Shape
 from typer.testing import CliRunner
 
+from rig.analysis import summary as summaries
 from rig.analysis.comparison import (
     Comparison,
     Pair,
@@ -28,6 +29,7 @@ from rig.analysis.comparison import (
 from rig.analysis.comparison_picture import write_comparison
 from rig.analysis.differences import differences
 from rig.analysis.points import Matrix, Point
+from rig.analysis.report import analyse
 from rig.cli.app import app
 from rig.recording.runs.folder import RunInfo
 from rig.row_contents import find_column
@@ -348,3 +350,36 @@ def test_plot_as_a_command(runs: Path, tmp_path: Path) -> None:
         done = call(app, [*arguments, *more])
         assert done.exit_code == 2
         assert expected in done.stderr
+
+
+def test_best_points_and_rig_times_stand_side_by_side_without_a_common_set_point(
+    tmp_path: Path,
+) -> None:
+    """A coarse grid and a finer one, as of an adaptive campaign: which took less time for more?"""
+    rows = synthetic.default_rows()
+    write(tmp_path / "grid", rows)
+    finer = [row._replace(kp=row.kp - 300.0) for row in rows[:9]]
+    write(tmp_path / "finer", finer, SHAPE._replace(seed=5))
+    comparison = compare(tmp_path / "grid", tmp_path / "finer")
+    assert comparison.matched.pairs == ()
+    values = as_json(comparison)
+    for side, length in (("a", rows), ("b", finer)):
+        table = synthetic.run_rows(length, SHAPE)
+        assert values[side]["rig_time_s"] == pytest.approx(len(table) * SHAPE.dt)
+    text = as_text(comparison)
+    assert "!! NO SET POINT IN COMMON" in text
+    for name, planned in (("a", rows), ("b", finer)):
+        best = values["best"]["dc"][name]
+        (row,) = best["rows"]
+        assert planned[row].power["dc"] == min(each.power["dc"] for each in planned)
+        assert best["setting"]["kp"] == planned[row].kp
+    lines = text.split("Best points of each run")[1].splitlines()
+    (begin,) = (at for at, line in enumerate(lines) if line.startswith("  electrical DC"))
+    assert re.search(r" A +[−-]\S+ ± \S+   row \d+: .*Kp ", lines[begin])
+    assert re.search(r"^ +B +[−-]\S+ ± \S+   row \d+: .*Kp ", lines[begin + 1])
+    assert "B - A" in lines[begin + 2]
+    assert re.search(r"^rig time \d+:\d\d$", analysed(tmp_path / "grid"), re.MULTILINE)
+
+
+def analysed(run: Path) -> str:
+    return summaries.as_text(analyse(run).summary)

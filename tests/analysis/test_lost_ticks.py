@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
 import synthetic_runs as synthetic
 from command_here import rig
+from matplotlib.image import imread
 
+from rig.analysis import traces
 from rig.analysis.report import write_products
 from rig.analysis.stop_reason import LostTicks, describe_reason, find_stop, lost_before_trip
 from rig.api.campaign_run import lost_ticks
 from rig.cli.run import print_end
-from rig.realtime.reasons import Reason
+from rig.realtime.reasons import Reason, reason_table
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import earlier_reasons
@@ -83,22 +87,24 @@ def test_reason_texts() -> None:
         "see `rig doctor`"
     )
     text = describe_reason("LOST_TICKS", "too many ticks were lost in one gap", lost)
-    assert text.endswith("tripped: too many ticks were lost in one gap; see `rig doctor`")
-    assert describe_reason("VELOCITY", "the limit was reached", None) == "the limit was reached"
+    assert text.endswith("too many ticks were lost in one gap (LOST_TICKS); see `rig doctor`")
+    limit = "the limit was reached"
+    assert describe_reason("VELOCITY", limit, None) == f"{limit} (VELOCITY)"
+    assert describe_reason("", limit, None) == limit
 
 
 def tripped(
-    folder: Path, reason: Reason = Reason.DRIVE_DROPPED, gap: int = 30, **more: Any
+    folder: Path, reason: Reason = Reason.DRIVE_DROPPED, gap: int = 30, row: int = 2, **more: Any
 ) -> Path:
-    """A synthetic run at 100 Hz that trips in row 2 with a gap 1 s before."""
+    """A synthetic run at 100 Hz that trips in a row with a gap 1 s before."""
     data = synthetic.run_rows(ROWS, SHAPE)
-    at = int(np.flatnonzero((data["plan.row"] == 2) & (data["plan.phase"] == Phase.MEASURE))[300])
+    at = int(np.flatnonzero((data["plan.row"] == row) & (data["plan.phase"] == Phase.MEASURE))[300])
     data["safety.reason"][at:] = reason
     data["timing.skipped"][at - 100 :] = gap
     data["tick"][at - 100 :] += gap
     data["tick_end"] = data["tick"]
     data["time"] = data["tick"] * SHAPE.dt
-    plan = synthetic.plan_json(ROWS, SHAPE)
+    plan = more.pop("plan", synthetic.plan_json(ROWS, SHAPE))
     status = {"status": "fault", "reason": reason.name, **more.pop("status", {})}
     return synthetic.write_run(folder, data[: at + 5], plan, **status, **more)
 
@@ -128,7 +134,56 @@ def test_a_trip_without_lost_ticks_reports_only_its_reason(tmp_path: Path) -> No
     summary = json.loads(rig("show", run, "--json").stdout)
     assert (summary["lost_ticks"], summary["reason"]) == (
         None,
-        "the drive switched its power off by itself",
+        "the drive switched its power off by itself (DRIVE_DROPPED)",
+    )
+
+
+def test_a_trip_is_shown_with_name_first_message_and_advice(tmp_path: Path) -> None:
+    """The advice is that of the run's own table of reasons, as each plan records it."""
+    plan = synthetic.plan_json(ROWS, SHAPE) | {"reasons": reason_table().as_records()}
+    status = {"messages": ["drive: slew = nan", "drive: late"]}
+    run = tripped(tmp_path / "run", gap=1, plan=plan, status=status)
+    lines = rig("show", run).stdout.splitlines()
+    begin = lines.index(
+        "Stopped by a fault: the drive switched its power off by itself (DRIVE_DROPPED)."
+    )
+    advice = "To do: Check supply and enable chain of the drive."
+    assert lines[begin + 1 : begin + 3] == ["First message: drive: slew = nan", advice]
+    lost = tripped(tmp_path / "lost", gap=30, plan=plan)
+    assert "To do" not in rig("show", lost).stdout  # the computer is to be checked first
+
+
+def test_plot_draws_the_last_seconds_of_a_trip(tmp_path: Path) -> None:
+    """From 4 s before the trip to the last tick, with a line at the trip."""
+    run = tripped(tmp_path / "run", gap=1)
+    with mock.patch.object(traces, "_draw", wraps=traces._draw) as draw:
+        done = rig("plot", run)
+    assert done.returncode == 0, done.stderr
+    assert str(run / "trip.png") in done.stdout.splitlines()
+    assert imread(run / "trip.png").std() > 0.02
+    _, _, data, names, _, mark = draw.call_args.args
+    assert f"stopped {mark:.3f} s after" in find_stop(run, {}).location
+    assert data["time"][0] == pytest.approx(mark - 4.0, abs=0.5 * SHAPE.dt)
+    assert data["time"][-1] == pytest.approx(mark + 4 * SHAPE.dt)
+    assert {"heave.estimate.position", "load.age", "heave.command.force"} <= {*names}
+    stopped = tripped(tmp_path / "stopped", Reason.OPERATOR_STOP, status={"status": "stopped"})
+    assert "trip.png" not in rig("plot", stopped).stdout
+
+
+def test_the_stop_is_that_of_the_last_stage(tmp_path: Path) -> None:
+    """A resumed run that trips elsewhere, and one whose last stage was refused before a tick."""
+    run = tripped(tmp_path / "run", gap=1)
+    (run / "run.mcap").rename(run / "earlier-1.mcap")
+    assert find_stop(run, {"status": "refused"}).location == ""
+    second = tripped(tmp_path / "second", gap=1, row=5)
+    resumed = synthetic.plan_json(ROWS, SHAPE) | {"dt": SHAPE.dt, "resumed": {"last_tick": 99_999}}
+    plan = tripped(tmp_path / "third", gap=1, row=5, plan=resumed)
+    shutil.copy(plan / "run.mcap", run / "run.mcap")
+    alone = find_stop(second, {"status": "fault"}).location
+    assert alone.endswith("row 5 (measure)")
+    seconds = float(alone.split()[1]) + 100_000 * SHAPE.dt
+    assert find_stop(run, {"status": "fault"}).location == (
+        f"stopped {seconds:.3f} s after its start, row 5 (measure)"
     )
 
 

@@ -7,6 +7,7 @@ import signal
 from itertools import combinations
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -181,13 +182,29 @@ def test_a_run_that_measured_nothing(tmp_path: Path) -> None:
     synthetic.write_run(tmp_path, data, synthetic.plan_json(ROWS, SHAPE), **status)
     write_products(tmp_path)
     text = (tmp_path / "summary.txt").read_text()
-    assert "Stopped by a fault: the body moved during the tare." in text
+    assert "Stopped by a fault: the body moved during the tare (NOT_CALM)." in text
     assert "0 of 66 rows complete" in text
     assert "[HARDWARE]" in text
     (tmp_path / "none").mkdir()
     synthetic.write_run(tmp_path / "none", data, {})
     write_products(tmp_path / "none")
     assert "no row was measured" in (tmp_path / "none" / "summary.txt").read_text()
+
+
+def test_an_adaptive_campaign_with_few_rows_has_no_surfaces(tmp_path: Path) -> None:
+    """From a quarter of the candidates on they are drawn; the page is complete without them."""
+    plan = synthetic.plan_json(ROWS, SHAPE)
+    for number, drawn in ((16, False), (17, True)):  # of 66 candidates
+        run = synthetic.write_run(
+            tmp_path / str(number), synthetic.run_rows(ROWS[:number], SHAPE), plan
+        )
+        summary = analyse(run).summary._replace(choices=("12 rows were chosen",))
+        assert (summary.rows_done, summary.few_chosen) == (number, not drawn)
+        with mock.patch.object(report, "summarise_rows") as found:
+            found.return_value = row_table(run), summary
+            names = {path.name for path in write_products(run)}
+        assert ("surfaces.png" in names) == drawn
+        assert "summary.png" in names
 
 
 def test_refused_run_reports_its_reason(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from rig.config.sea import JonswapSea
 from rig.config.tank import Beach, Tank
 from rig.kinds.wavebot.campaign import check_campaign
 from rig.planning import tank as travel
+from rig.presentation.phrases import format_duration
 from rig.realtime.sequence import Phase
 
 # The Large Wave Flume with LUPA (Oregon State University): 1:12 beach, 12 ft high at the wall.
@@ -98,6 +99,33 @@ def test_a_check_reports_times_and_warns_of_rows(tmp_path: Path) -> None:
     assert "23 s more of lead-in are enough" in early
     assert "measured after the first reflected waves are back at the device (81.8 s)" in late
     assert "tank" in report.text()
+
+
+def test_a_check_adds_up_the_seas(tmp_path: Path) -> None:
+    """Durations of all seas are those of each one alone, added; so are the rows of warnings."""
+    sea = {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2.5, "repeat_s": 20}
+    timing = {"timing": {"settle_s": 1, "interval_s": 22}, "sea": sea}
+    one, all_three = (
+        check(tmp_path / str(seed), tank=TANK, seed=seed, start={"lead_in_s": 40}, **timing)
+        for seed in (3, [3, 4, 5])
+    )
+    single, total = one.summary(), all_three.summary()
+    for key in ("duration_s", "wave_clock_s", "measured_s"):
+        assert total[key] == pytest.approx(3 * single[key]), key
+    assert total["phases_s"] == pytest.approx({k: 3 * v for k, v in single["phases_s"].items()})
+    assert f"{total['measured_s']:.6g} s in total" in all_three.text()
+    (early,) = (w.message for w in all_three.warnings if "full height" in w.message)
+    assert early.startswith("rows 0-5 (6) are measured from")
+    ends = {
+        "sea": sea | {"repeat_s": 200},
+        "timing": {"settle": "measured", "end": {"precision_w": 0.2}},
+    }
+    one, all_three = (check(tmp_path / f"ends{s}", seed=s, **ends) for s in (3, [3, 4, 5]))
+    planned, summary = one.plan, all_three.summary()
+    assert summary["least_duration_s"] == pytest.approx(3 * planned.least_duration)
+    assert summary["least_duration_s"] < summary["duration_s"]
+    least, most = (format_duration(summary[k]) for k in ("least_duration_s", "duration_s"))
+    assert f"in each of 3 seas, one after the other: {least} to {most} in all" in all_three.text()
 
 
 def test_a_long_tank_and_lead_in_are_quiet(tmp_path: Path) -> None:

@@ -104,3 +104,40 @@ def test_every_ready_campaign_passes(path: Path) -> None:
     report = examine(path)
     assert report.ok, report.text()
     assert report.problems == ()
+
+
+QUICK = """\
+name: short
+rig: {rig}
+sea: {{kind: regular, amplitude_m: 0.1, frequency_hz: 0.5}}
+tare: {{duration_s: 1}}
+start: {{lead_in_s: 6}}
+timing: {{settle_s: 4, interval_s: 8}}
+matrix:
+  list: [{{spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 0}}]
+"""
+
+
+def test_the_size_of_the_log_is_estimated_and_compared_with_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The estimate is at least the size that the rehearsal then has, and at most a half more."""
+    campaign = tmp_path / "short.yaml"
+    campaign.write_text(QUICK.format(rig=CONFIGS / "rigs" / "wavebot.yaml"))
+    expected = json.loads(rig("check", campaign, "--json").stdout)["log_bytes"]
+    done = rig("run", campaign, "--runs", tmp_path / "runs", "--json")
+    assert done.returncode == 0, done.stderr
+    size = (Path(json.loads(done.stdout)["folder"]) / "run.mcap").stat().st_size
+    assert size < expected < 1.5 * size
+    done = rig("check", campaign, "--runs", tmp_path / "none yet")
+    assert re.search(r"^disk +about [0-9.]+ MB of log *$", done.stdout, re.MULTILINE)
+    assert "free" not in done.stderr
+    monkeypatch.setattr("rig.host.disk._free_bytes", lambda place: expected - 1.0)
+    warning = f"are free in {tmp_path / 'runs'}; --runs names a folder on another disk"
+    assert warning in rig("check", campaign, "--runs", tmp_path / "runs").stderr
+
+
+def test_a_session_has_the_estimate_too() -> None:
+    session = CONFIGS / "sessions" / "driveline_short.yaml"
+    assert json.loads(rig("check", session, "--json").stdout)["log_bytes"] > 1e6
+    assert "\ndisk        about " in rig("check", session).stdout

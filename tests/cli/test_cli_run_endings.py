@@ -219,12 +219,12 @@ def test_a_line_shows_the_power_of_the_row_that_ended(
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     setting = namedtuple("Setting", "kp ki spring_rate")(-2000.0, 0.0, 490.9)
-    rows = (SimpleNamespace(setting=setting),) * 2
+    rows = (SimpleNamespace(setting=setting, measure=8.0, periods=4),) * 2
     plan = SimpleNamespace(
-        rows=rows, duration=60.0, wave_seconds=50.0, axis_laws=CampaignFile.axis_laws
+        rows=rows, duration=60.0, wave_seconds=50.0, dt=1e-3, axis_laws=CampaignFile.axis_laws
     )
     view = RunPanel("title", "rehearsal", plan, display, quiet=False)
-    view._live_display = False
+    view._live_display, view.part = False, " in sea 2 of 3"
     lines = []
     for snapshot in (
         snapshot_of(0, Phase.SETTLE, 0, 0.0),
@@ -239,6 +239,20 @@ def test_a_line_shows_the_power_of_the_row_that_ended(
     assert "row 0 (1 of 2)   measure" in lines[2]
     powers = "-84.00 W mechanical     -42.00 W electrical AC     -21.00 W electrical DC"
     assert f"so far   {powers}" in lines[2]
+    assert " rig time in sea 2 of 3, " in lines[2]
+
+
+@pytest.mark.parametrize(("periods", "samples", "shown"), [
+    (4, 1999, False), (4, 2000, True), (1, 10, True), (0, 10, True),
+])  # fmt: skip
+def test_the_power_of_a_row_is_shown_from_a_whole_period_on(
+    periods: int, samples: int, shown: bool
+) -> None:
+    plan = SimpleNamespace(rows=[SimpleNamespace(measure=8.0, periods=periods)], dt=1e-3)
+    row = snapshot_of(0, Phase.MEASURE, samples, 31.4).row
+    text = display.short_text(plan, row, {})
+    assert text.startswith("so far") == shown
+    assert ("31.40 W" in text) == shown
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import time
 from typing import Any, NamedTuple, cast
@@ -140,6 +141,13 @@ def test_plausible_swapped_words_are_not_posted() -> None:
     )
     assert counts == [0, 0, 1] + [2] * 8
     assert all("swapped words?" in text for text in problems[4:])
+
+
+def test_a_value_that_is_no_number_is_no_guess_at_the_order_of_words() -> None:
+    nan = encode(math.nan, *GOOD[1:])
+    _, problems = poll_answers([VALID] * 3 + [nan, SWAPPED])
+    assert problems[3].endswith("got no number")
+    assert problems[4].endswith("got swapped words?")
 
 
 def test_a_unit_with_implausible_values_is_trusted_again_after_three() -> None:

@@ -313,7 +313,7 @@ def test_a_stalled_host_is_reported_as_the_cause(
     assert 0.1 < printed["lost_ticks"]["longest_gap_s"] < 2.0
     text = (Path(printed["folder"]) / "summary.txt").read_text()
     assert "Stopped by a fault: the host lost " in text
-    assert "too many ticks were lost in one gap; see `rig doctor`" in text
+    assert "too many ticks were lost in one gap (LOST_TICKS); see `rig doctor`" in text
 
 
 @pytest.mark.realtime

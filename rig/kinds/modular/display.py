@@ -51,7 +51,7 @@ def detail_lines(plan: Any, row: LogRow, measured: LogRow) -> list[tuple[str, st
 
 def short_text(plan: Any, row: LogRow, measured: LogRow) -> str:
     """Return the mean powers of the row."""
-    return power_text(row, measured, plan.rig.power_stations)
+    return power_text(plan, row, measured, plan.rig.power_stations)
 
 
 def _shown(axis: str, motion: str) -> tuple[ShownField, ...]:

@@ -126,7 +126,7 @@ def detail_lines(plan: SessionPlan, row: LogRow, measured: LogRow) -> list[tuple
     return [
         ("motion", f"{fields_text(row, _MOTION, _LABELS)}   {_torque_text(row)}"),
         ("drive", fields_text(row, _DRIVE, _LABELS)),
-        ("power", power_text(row, measured, STATIONS)),
+        ("power", power_text(plan, row, measured, STATIONS)),
     ]
 
 

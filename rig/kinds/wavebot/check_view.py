@@ -11,7 +11,7 @@ from rich.text import Text
 
 from controllers.law import Column as LawColumn
 from rig.campaign import CheckReport
-from rig.campaign.check import duration_text, seas_text
+from rig.campaign.check import duration_text, wave_clock_text
 from rig.campaign.simulated_rows import show_equal_rows
 from rig.config.law_settings import AxisLaw, shown_columns, value_text
 from rig.config.problems import Problem
@@ -263,9 +263,7 @@ def _duration_text(planned: Travel, forecast: Prediction) -> Text:
         text = format_duration(planned.duration)  # with the wait for the stator
     if planned.waiting_time > 0.05:
         text += f", {planned.waiting_time:.3g} s of it waits for the stator"
-    seas = seas_text(forecast.campaign, forecast.plan)
-    clock = f"wave clock {forecast.plan.wave_seconds:.6g} s{seas}"
-    return Text(f"{text}; {clock}")
+    return Text(f"{text}; {wave_clock_text(forecast.campaign, forecast.plan)}")
 
 
 def _order_texts(planned: Travel, alternatives: Sequence[Travel]) -> list[Text]:

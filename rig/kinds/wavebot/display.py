@@ -86,13 +86,13 @@ def detail_lines(plan: Plan, row: LogRow, measured: LogRow) -> list[tuple[str, s
         return [("probes", _probe_text(row))]
     return [
         ("heave", fields_text(row, _MOTION, _LABELS, "heave")),
-        ("power", power_text(row, measured, STATIONS)),
+        ("power", power_text(plan, row, measured, STATIONS)),
     ]
 
 
 def short_text(plan: Plan, row: LogRow, measured: LogRow) -> str:
     """Return the power, or the probe levels of a run without the device."""
-    return power_text(row, measured, STATIONS) if plan.rows else f"probes {_probe_text(row)}"
+    return power_text(plan, row, measured, STATIONS) if plan.rows else f"probes {_probe_text(row)}"
 
 
 def _waves_text(plan: Plan, row: LogRow) -> str:

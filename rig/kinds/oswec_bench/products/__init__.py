@@ -121,6 +121,7 @@ class Summary(NamedTuple):
         lines = [
             f"session {self.session.kind}, run {self.session.metadata.run}",
             f"{self.ending.description}.",
+            *self.ending.hints,
             f"{self.session.record.sentence}.",
         ]
         for each in self.result.comparisons:
@@ -168,7 +169,7 @@ def analyse(run_folder: str | os.PathLike[str], against: Against = None) -> Summ
         raise RunError(f"{run}: {error}") from error
     folder = run if run.is_dir() else run.parent
     lost_ticks = find_stop(run, session.metadata.status).lost
-    ending = describe_ending(session.metadata.status, lost_ticks)
+    ending = describe_ending(session.metadata.status, lost_ticks, session.metadata.reasons)
     attributes = {
         "session": session.kind,
         **session.metadata.attributes(),
@@ -288,10 +289,12 @@ def summarise(
     try:
         summary = analyse(run)
     except RunError as error:
-        status = run_info(run).status
-        ending = describe_ending(status, find_stop(run, status).lost)
+        facts = run_info(run)
+        lost_ticks = find_stop(run, facts.status).lost
+        ending = describe_ending(facts.status, lost_ticks, facts.reasons)
         record = reader.check_record(run).sentence
-        raise RunError(f"{ending.description}.\n{record}.\n{error}") from error
+        lines = (f"{ending.description}.", *ending.hints, f"{record}.", str(error))
+        raise RunError("\n".join(lines)) from error
     return RunSummary(summary.as_text(), summary.as_dict())
 
 

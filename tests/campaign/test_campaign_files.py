@@ -335,7 +335,10 @@ def test_report(write: Any) -> None:
     }  # fmt: skip
     bad = check_campaign(write("repeat: 0\n"))
     assert not bad.ok
-    assert bad.text().endswith("repeat: 0 is out of range; allowed 1 .. 1000\n1 problem")
+    *_, problem, count, further = bad.text().splitlines()
+    assert problem.endswith("repeat: 0 is out of range; allowed 1 .. 1000")
+    assert count == "1 problem"
+    assert further.startswith("more checks follow once this is corrected: ")
     assert json.loads(bad.to_json())["problems"][0]["key"] == "repeat"
 
 

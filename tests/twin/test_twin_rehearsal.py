@@ -172,7 +172,7 @@ def test_recommended_rows_pass_the_check_and_are_best(run: Path, tmp_path: Path)
         best.power_dc <= min(row_prediction.power_dc for row_prediction in by_gains.values()) + 0.3
     )
     optima = {(optimum["station"], optimum["law"]): optimum for optimum in numbers_read["optima"]}
-    assert len(optima) == 9
+    assert len(optima) == 12  # three laws at four stations
     assert optima["dc", "PI and spring"]["power_dc_w"] <= optima["dc", "PI"]["power_dc_w"]
     assert optima["dc", "PI"]["power_dc_w"] <= optima["dc", "P"]["power_dc_w"]
     assert optima["ac", "PI"]["power_ac_w"] <= optima["dc", "PI"]["power_ac_w"]
@@ -203,7 +203,7 @@ def test_the_interval_contains_the_error_of_an_unmeasured_excitation(
 def test_missing_sea_and_calm_water_are_refused(run: Path, tmp_path: Path) -> None:
     code, _, error_text = rig_here("recommend", run)
     assert code == 2
-    assert "name the sea by --campaign" in error_text
+    assert "name a campaign with the sea by --campaign" in error_text
     calm = write_campaign(tmp_path, sea={"kind": "calm"}, matrix=rows(GAINS[0]))
     code, _, error_text = rig_here(
         "recommend", run, "--campaign", calm, "-o", tmp_path / "out" / "x.yaml"

@@ -148,7 +148,10 @@ def _text(opened: Search, found: Sequence[Optimum]) -> str:
     console = table_console()
     with console.capture() as capture:
         console.print(whole_table(table), soft_wrap=True)
-    rejected = [f"{n} rows cannot be the best: {reason}" for reason, n in opened.rejected.items()]
+    rejected = [
+        f"{n} row{'s' if n > 1 else ''} cannot be the best: {reason}"
+        for reason, n in opened.rejected.items()
+    ]
     return "\n".join([capture.get().rstrip(), *rejected])
 
 

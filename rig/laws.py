@@ -96,6 +96,11 @@ class Law(NamedTuple):
         return self.module.SetPoint(*(getattr(values, column.name) for column in self.columns))
 
     @property
+    def is_own(self) -> bool:
+        """Whether the law, or each law of a choice, is one of this distribution."""
+        return all(not each.is_file and each.name in OWN_MODULES for each in self.members)
+
+    @property
     def reference(self) -> str:
         """The text that finds the law again on this host: its name or its path."""
         return self.path if self.is_file else self.name

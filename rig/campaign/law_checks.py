@@ -16,7 +16,6 @@ from pydantic import TypeAdapter, ValidationError
 from controllers.blocks import finite
 from controllers.law import Column, Parameter
 from controllers.signals import Estimate
-from rig import laws
 from rig.campaign.files import CampaignParts, valid_key
 from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignRow
 from rig.campaign.law_rules import rule_findings
@@ -73,7 +72,7 @@ def law_warnings(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
     for axis, axis_law in campaign.axis_laws.items():
         key = law_key(campaign.axis_laws, axis)
         for law in axis_law.law.members:
-            if not law.is_file and law.name in laws.OWN_MODULES:
+            if law.is_own:
                 continue
             for finding in rule_findings(law):
                 yield campaign.locate.problem(key, law.name, f"{finding}; {_BROKEN}")
@@ -83,7 +82,7 @@ def law_warnings(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
 def _driving_warnings(campaign: AnyCampaign, axis: str, planned: AnyPlan) -> Iterator[Problem]:
     """Yield a warning if no set point of a law absorbs power in its trial."""
     axis_law = campaign.axis_laws[axis]
-    if all(not law.is_file and law.name in laws.OWN_MODULES for law in axis_law.law.members):
+    if axis_law.law.is_own:
         return
     powers = [
         (_run(campaign, axis, planned, row).power, row) for row in _tried_rows(axis_law, planned)
@@ -110,7 +109,7 @@ def compilation_problems(
     """
     for axis, axis_law in campaign.axis_laws.items():
         law = axis_law.law
-        if all(not each.is_file and each.name in laws.OWN_MODULES for each in law.members):
+        if law.is_own:
             continue
         from rig.design.law_compilation import compilation_problem  # noqa: PLC0415 - numba
 

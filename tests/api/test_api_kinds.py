@@ -10,6 +10,7 @@ import numpy as np
 import pandas
 import pytest
 from command_here import rig as rig_here
+from killed_runs import kill
 from mcap.reader import make_reader
 
 import rig
@@ -73,13 +74,7 @@ def test_a_resumed_run_has_the_ticks_and_rows_of_all_its_stages(tmp_path: Path) 
             "certificate.json",
         ):
             product.unlink()
-    record = (killed / "run.mcap").read_bytes()
-    (killed / "run.mcap").unlink()
-    (killed / "run.mcap.part1").write_bytes(record[: len(record) * 2 // 3])
-    status = json.loads((killed / "run.json").read_text())
-    kept = ("run", "mode", "kind", "campaign", "rows_planned", "started_utc")
-    begun = {key: status[key] for key in kept} | {"status": "running", "pid": 1, "pid_started": 0}
-    (killed / "run.json").write_text(json.dumps(begun))
+    kill(killed, 2 / 3)
     before = rig.open(killed)
     assert before.outcome.status == "abandoned"
     assert not before.rows.state.eq("complete").all()

@@ -19,6 +19,7 @@ import numpy as np
 import pandas
 import pytest
 import xarray
+from killed_runs import kill
 from mcap.reader import make_reader
 
 import rig
@@ -269,13 +270,7 @@ def test_session_rows_constants_and_tables(session: rig.Run) -> None:
 def test_a_record_that_was_cut_off(run: rig.Run, tmp_path: Path) -> None:
     killed = tmp_path / run.path.name
     shutil.copytree(run.path, killed)
-    whole = (killed / "run.mcap").read_bytes()
-    (killed / "run.mcap").unlink()
-    (killed / "run.mcap.part1").write_bytes(whole[: len(whole) // 2])
-    status = json.loads((killed / "run.json").read_text())
-    kept = ("run", "mode", "kind", "campaign", "rows_planned", "started_utc")
-    begun = {key: status[key] for key in kept} | {"status": "running", "pid": 1, "pid_started": 0}
-    (killed / "run.json").write_text(json.dumps(begun))
+    kill(killed, 1 / 2)
     cut = rig.open(killed)
     assert cut.outcome.status == "abandoned"
     states = cut.rows.state.tolist()

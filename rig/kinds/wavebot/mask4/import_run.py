@@ -398,7 +398,8 @@ def _set_zeros(data: Records, reference: ZeroReference) -> None:
         if not station.force:
             continue
         cell = station.force.removeprefix("load.")
-        force, zero = data[f"load.{cell}"], np.zeros(len(data))
+        force: Floats = data[f"load.{cell}"]
+        zero = np.zeros(len(data))
         if reference != "none" and measured.any():
             zero[:] = force[measured].mean()
         if reference == "window":

@@ -19,6 +19,7 @@ from rig.presentation.phrases import format_signed
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, RunInfo, reader, run_info
 from rig.recording.runs.windows import Window, complete_windows
+from rig.spectra.periods import Floats
 
 MAX_CELL_DISAGREEMENT = 0.05  # of the larger rate; larger differences of the cells are reported
 _MIN_SPEED_SHARE = 0.2  # of the hoist's speed; a slower body is reversing
@@ -149,12 +150,15 @@ def _window_samples(
     data = window.data
     velocity = data["heave.estimate.velocity"]
     direction = np.where(velocity > min_speed, 1, np.where(velocity < -min_speed, -1, 0))
+    slew: Floats = data["load.slew"] - data["tare.slew"]
+    column: Floats = data["load.lcb"] - data["tare.lcb"]
+    stator: Floats = data["load.stator_a"] + data["load.stator_b"]
     return Samples(
         data["load.rotor_angle"] - balance,
         direction.astype(np.int64),
-        (data["load.slew"] - data["tare.slew"]) * rig.slew_lever,
-        data["load.lcb"] - data["tare.lcb"],
-        data["load.stator_a"] + data["load.stator_b"],
+        slew * rig.slew_lever,
+        column,
+        stator,
     )
 
 

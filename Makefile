@@ -117,12 +117,15 @@ lint: setup
 # distribution by file xdist 3.8 waits for ever for the tests of a dead worker. Tests in real time
 # are sought in the files that mark some, because imports of all files take ten seconds. Paired ones
 # run in two workers, each in a network of its own, with its own lock of the loop in real time.
+# Rewriting all assertions takes each worker 15 s: the first try shows local variables instead, the
+# second one the values of the assertion.
 PYTEST := $(BIN)/python -m pytest
 LONG := part
 WITHOUT_CLOCK := -m "not realtime" --long $(LONG) -o cache_dir=.pytest_cache/without_clock
 REALTIME = $$(grep -rl --include="test_*.py" mark.$(1) tests examples) --long $(LONG)
 PAIRED := $(call REALTIME,paired) -m "realtime and paired" -o cache_dir=.pytest_cache/with_paired_clock
 ALONE := $(call REALTIME,realtime) -m "realtime and not paired" -o cache_dir=.pytest_cache/with_clock
+FIRST_TRY := --assert=plain --showlocals
 SECOND_TRY := --last-failed --last-failed-no-failures none --second-try
 FLAKY := .pytest_cache/flaky
 export OWN_NETWORK := unshare --net sh -c 'ip link set lo up && exec "$$0" "$$@"'
@@ -142,7 +145,7 @@ test: setup
 	trap "kill $$lint 2>/dev/null" EXIT; \
 	$(MAKE) --no-print-directory compiled; \
 	echo "tests in real time; lint, site and the other tests at the same time, their output follows below"; \
-	$(PYTEST) $(WITHOUT_CLOCK) --idle -n 2 --dist worksteal >$(LOG) 2>&1 & others=$$!; \
+	$(PYTEST) $(WITHOUT_CLOCK) $(FIRST_TRY) --idle -n 2 --dist worksteal >$(LOG) 2>&1 & others=$$!; \
 	trap "kill $$others $$lint 2>/dev/null" EXIT; \
 	two=popen; ! eval "$$OWN_NETWORK true" || two="2*popen//python=$$OWN_NETWORK $(BIN)/python"; \
 	$(PYTEST) $(PAIRED) --tx "$$two" --dist worksteal; paired=$$?; \

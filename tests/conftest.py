@@ -25,9 +25,9 @@ for _number, _default in (
     if signal.getsignal(_number) == signal.SIG_IGN:
         signal.signal(_number, _default)
 
-PARTS = 5  # a run of the test command takes one in so many of the long and of the sampled tests
-COSTLY = "costly_files.txt"
-COSTLY_PARTS = 20  # of its files, of which a run takes one
+PARTS = 8  # a run of the test command takes one in so many of the long and of the sampled tests
+COSTLY = "costly_tests.txt"
+COSTLY_PARTS = 20  # of its files and tests, of which a run takes one
 STREAMS = ("paired", "realtime")  # of the tests in real time: two at a time, or alone
 FLAKY = "flaky"  # name of the list of flaky tests in pytest's cache
 
@@ -40,7 +40,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         choices=("all", "part", "none"),
         default="all",
         help=f"long tests to run: all, a seeded part (one in {PARTS}), or none; unless all, only a"
-        " seeded part of the cases of each sampled test and of the costly files runs",
+        " seeded part of the cases of each sampled test and of the costly tests runs",
     )
     group.addoption(
         "--long-seed",
@@ -93,23 +93,27 @@ def _stream(item: pytest.Item) -> str:
 
 
 def _costly_left_out(root: Path, items: list[pytest.Item], seed: str) -> list[pytest.Item]:
-    """Return the tests of costly files that are left out: all but one of equal parts.
+    """Return the costly tests that are left out: all but one of equal parts.
 
     Parts are equal in processor time, and those of tests in real time in their duration.
     """
     lines = (root / "tests" / COSTLY).read_text().splitlines()
-    files = [line.split() for line in lines if line[:1] != "#"]
+    costly = [line.split(maxsplit=2) for line in lines if line[:1] != "#"]
     chosen = _place(seed, COSTLY) % COSTLY_PARTS
     left_out = set()
     for column, in_real_time in enumerate((False, True)):
         seconds = [0] * COSTLY_PARTS
-        for file in sorted(files, key=lambda file: -int(file[column])):
+        for each in sorted(costly, key=lambda each: -int(each[column])):
             at = seconds.index(min(seconds))  # the dearest first, each to the part that has least
-            seconds[at] += int(file[column])
+            seconds[at] += int(each[column])
             if at != chosen:
-                left_out.add((file[-1], in_real_time))
+                left_out.add((each[-1], in_real_time))
     return [
-        item for item in items if (item.nodeid.partition("::")[0], _stream(item) != "") in left_out
+        item
+        for item in items
+        for in_real_time in [_stream(item) != ""]
+        if (item.nodeid, in_real_time) in left_out
+        or (item.nodeid.partition("::")[0], in_real_time) in left_out
     ]
 
 
@@ -159,7 +163,7 @@ def pytest_report_header(config: pytest.Config) -> str | None:
     if config.getoption("--long") != "part":
         return None
     return (
-        f"long and sampled tests: one in {PARTS}, costly files: one in {COSTLY_PARTS}; "
+        f"long and sampled tests: one in {PARTS}, costly tests: one in {COSTLY_PARTS}; "
         "the same part again: "
         f"--long part --long-seed {_seed(config)}"
     )

@@ -26,8 +26,7 @@ REAL_CLOCK = re.compile(r"^\$ .*rig .*(--realtime|--sim\b|faults .*--only|doctor
 
 def _with_marks(page: str) -> ParameterSet:
     on_real_clock = REAL_CLOCK.search(path_of(page).read_text())
-    pool = pytest.mark.sampled(pool=f"pages, {'real' if on_real_clock else 'any'} clock")
-    return pytest.param(page, marks=[pool, *([pytest.mark.realtime] if on_real_clock else [])])
+    return pytest.param(page, marks=[pytest.mark.realtime] if on_real_clock else [])
 
 
 @pytest.mark.slow

@@ -31,6 +31,17 @@ class Station(NamedTuple):
         """Name in a sentence, e.g. "mechanical power"."""
         return self.alias or self.heading
 
+    @property
+    def reference(self) -> str:
+        """Label and id, e.g. "electrical DC [dc]"; `find` knows the station by both."""
+        return f"{self.label} [{self.name}]"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names by which people know it: id, alias, labels, and column of the row table."""
+        labels = (self.label, self.short_label, self.heading)
+        return (self.name, *filter(None, [self.alias]), *labels, f"power_{self.name}")
+
     def uses(self, signal: str) -> bool:
         """Return whether the formula contains a signal."""
         return signal in re.findall(r"\w+", self.formula)
@@ -50,12 +61,20 @@ def from_records(records: Iterable[Mapping[str, Any]]) -> tuple[Station, ...]:
 
 
 def find(stations: Sequence[Station], name: str) -> Station:
-    """Return a station by its name or alias; ValueError lists those that exist."""
-    for station in stations:
-        if name in (station.name, station.alias):
-            return station
-    allowed = ", ".join(option_names(stations))
-    raise ValueError(f"unknown station {name!r}; allowed {allowed}")
+    """Return a station by one of its `names`, whatever their case; an id counts first.
+
+    Raises ValueError, with label and id of all stations, for a name of none of them or of several.
+    """
+    key = name.strip().casefold()
+    for candidates in (
+        [each for each in stations if key in (each.name, each.alias)],
+        [each for each in stations if key in map(str.casefold, each.names)],
+    ):
+        if len(candidates) == 1:
+            return candidates[0]
+    problem = "ambiguous" if candidates else "unknown"
+    allowed = ", ".join(station.reference for station in stations)
+    raise ValueError(f"{problem} station {name!r}; allowed {allowed}")
 
 
 def option_names(stations: Iterable[Station]) -> list[str]:

@@ -134,6 +134,7 @@ _MIN_LEVELS = 3  # of a column, so that a level can lie inside its range
 WITHIN_ERRORS = "within errors"
 WITHIN_SHARE = f"within {100.0 * NEGLIGIBLE_SHARE:g} %"
 UNDECIDED = "undecided"
+ENDED_EARLY = "ended early"  # by the judgement of another station
 _NO_SPREAD = "differences within errors"
 
 
@@ -160,7 +161,8 @@ class Optimum(NamedTuple):
             return self.flat
         edge = "grid's edge" if self.at_edge else "next to a gap" if self.at_gap else ""
         known = UNDECIDED if self.alike is None else f"1 of {1 + len(self.alike)} alike"
-        return "; ".join(filter(None, (known if self.alike != () else "", edge)))
+        cut = ENDED_EARLY if self.point.cut_rows else ""
+        return "; ".join(filter(None, (known if self.alike != () else "", cut, edge)))
 
     @property
     def power(self) -> float:

@@ -110,6 +110,7 @@ def draw_surfaces(
     are drawn on top.
     """
     matrix = gain_matrix(table)
+    panel.add_cut_legend(figure, matrix.cut_note)
     if not matrix.points:
         figure.text(0.5, 0.5, "no complete row: no surface to draw", ha="center", color=DARK)
         return
@@ -255,6 +256,7 @@ def write_sliced(
     columns = min(len(slices), picture.paper_columns() or len(slices))
     rows = -(-len(slices) // columns)
     grid: Any = body.subplots(rows, columns, squeeze=False)
+    panel.add_cut_legend(body, matrix.cut_note)
     for spare in grid.flat[len(slices) :]:
         spare.set_axis_off()
     panel_width = width / len(slices) - 1.0

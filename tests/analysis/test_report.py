@@ -19,8 +19,9 @@ from matplotlib.image import imread
 from rig.analysis import report, traces
 from rig.analysis.report import after_run, analyse, write_products
 from rig.analysis.rows import row_table
-from rig.analysis.summary import as_text, format_rows
+from rig.analysis.summary import as_text
 from rig.analysis.traces import decimate, write_traces
+from rig.config.problems import format_rows
 from rig.kinds.wavebot.tick.reasons import WaveBotReason
 from rig.presentation.phrases import (
     format_power,

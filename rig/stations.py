@@ -21,7 +21,7 @@ class Station(NamedTuple):
     label: str  # full name, in tables
     short_label: str  # on axes of pictures
     heading: str  # of a narrow column
-    alias: str = ""  # a second name on the command line
+    alias: str = ""  # a second, short name
     running_mean: bool = False  # the row carries ``power.mean_NAME``: its mean so far
     force: str = ""  # log field of the force whose constant offset `power_NAME_demeaned` removes
     shown: bool = False  # in pictures by default
@@ -75,11 +75,6 @@ def find(stations: Sequence[Station], name: str) -> Station:
     problem = "ambiguous" if candidates else "unknown"
     allowed = ", ".join(station.reference for station in stations)
     raise ValueError(f"{problem} station {name!r}; allowed {allowed}")
-
-
-def option_names(stations: Iterable[Station]) -> list[str]:
-    """Return the names of stations on the command line: the alias where a station has one."""
-    return [station.alias or station.name for station in stations]
 
 
 def station_names(stations: Iterable[Station]) -> list[str]:

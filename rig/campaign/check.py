@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from datetime import date
+from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -19,7 +20,6 @@ from rig.campaign.law_checks import trial_problems
 from rig.campaign.plan import build_plan, stage_plans
 from rig.campaign.record import moves_entry, seeds_text
 from rig.campaign.simulated_rows import SimulatedRows
-from rig.config.adaptive import AdaptiveRows
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
@@ -27,6 +27,7 @@ from rig.planning.points import unused_row_warnings
 from rig.planning.tank import TankTimes, tank_line, tank_times, tank_warnings
 from rig.planning.windows import RowWindows
 from rig.presentation.phrases import count_text, format_duration
+from rig.stations import find
 
 
 class CampaignPrediction(Protocol):
@@ -94,7 +95,7 @@ class CheckReport(NamedTuple):
             self.unused_rows, self.validity_warnings, self.law_warnings, self.not_compiled,
             self.plant_warnings, self.tank_warnings,
         )  # fmt: skip
-        return (*chain.from_iterable(own), *predicted, *simulated)
+        return (*chain.from_iterable(own), *predicted, *simulated, *self.unpredicted)
 
     @property
     def ok(self) -> bool:
@@ -103,8 +104,41 @@ class CheckReport(NamedTuple):
 
     @property
     def refused(self) -> tuple[Problem, ...]:
-        """Reasons why no simulated row must run; empty without a simulation."""
-        return () if self.simulated is None else tuple(self.simulated.refused())
+        """Reasons why no simulated row must run, or why rows cannot be chosen."""
+        simulated = () if self.simulated is None else tuple(self.simulated.refused())
+        return (*simulated, *self.unpredicted)
+
+    @property
+    def predicted_powers(self) -> dict[str, list[float]]:
+        """Predicted powers (W) of all rows by station; empty without those of every row."""
+        if self.prediction is not None:
+            rows = self.prediction.as_dict()["predictions"]
+        elif self.simulated is not None:
+            rows = self.simulated.as_dict()["simulated"]
+        else:
+            return {}
+        assert self.plan is not None
+        if len(rows) != len(self.plan.rows):  # a simulation may cover the first rows only
+            return {}
+        return {
+            name.removeprefix("power_"): [float(row[name]) for row in rows]
+            for name in rows[0]
+            if name.startswith("power_") and all(row.get(name) is not None for row in rows)
+        }
+
+    @property
+    def unpredicted(self) -> tuple[Problem, ...]:
+        """Why an adaptive campaign cannot start from a prediction; empty if it need not, or can."""
+        campaign = self.campaign
+        adaptive = None if campaign is None else campaign.file.adaptive
+        if campaign is None or adaptive is None or adaptive.start != "predicted":
+            return ()
+        station = find(campaign.kind.assessed_stations(campaign.rig), adaptive.station)
+        if station.name in self.predicted_powers:
+            return ()
+        why = self.not_predicted or self.not_simulated or "this kind of rig has none"
+        message = f"there is no prediction of these rows to start from ({why}); allowed nothing"
+        return (campaign.locate.problem(("adaptive", "start"), "predicted", message),)
 
     @property
     def duration(self) -> float:
@@ -212,7 +246,7 @@ class CheckReport(NamedTuple):
             *([] if file.reference is None else [("reference", file.reference.description())]),
             *_law_lines(campaign),
             ("rows", rows),
-            *_adaptive_line(file.adaptive),
+            *_adaptive_line(campaign),
             ("measured", f"{measured}, {seconds['measure']:.6g} s in total{most}"),
             ("duration", f"{duration_text(planned)}{waits}; {wave_clock_text(campaign, planned)}"),
             ("phases", ", ".join(phases)),
@@ -271,6 +305,10 @@ def check_campaign(
     except ConfigError as error:
         return CheckReport(path, error.problems, None, None, unchecked=error.unchecked)
     planned, file = build_plan(campaign), campaign.file
+    if file.adaptive is not None and find_spec("sklearn") is None:
+        message = "scikit-learn is not installed; `pip install wec-rig[adaptive]` adds it"
+        problem = campaign.locate.problem(("adaptive",), None, message)
+        return CheckReport(path, (problem,), None, None, unchecked=(PREDICTION,))
     out_of_date = kind.validity_warnings(campaign, day) if day is not None else ()
     unused_rows = unused_row_warnings(
         file.matrix, campaign.locate, file.kind_columns, file.law_columns()
@@ -362,11 +400,13 @@ def _tank_entry(campaign: AnyCampaign) -> dict[str, Any]:
     return {"tank": dict(zip(keys, times, strict=True))}
 
 
-def _adaptive_line(adaptive: AdaptiveRows | None) -> list[tuple[str, str]]:
+def _adaptive_line(campaign: AnyCampaign) -> list[tuple[str, str]]:
+    adaptive = campaign.file.adaptive
     if adaptive is None:
         return []
+    station = find(campaign.kind.assessed_stations(campaign.rig), adaptive.station)
     text = (
-        f"at least {adaptive.first_rows} rows, until the expected loss of {adaptive.station} power "
+        f"at least {adaptive.first_rows} rows, until the expected loss at {station.reference} "
         f"is within {adaptive.precision_w:g} W; from "
         + ("the predicted powers" if adaptive.start == "predicted" else "nothing")
     )

@@ -123,7 +123,8 @@ def test_the_plan_and_the_check_have_least_and_longest_times(
         ({"timing": {"end": {}}}, "timing.end: nothing ends a row; give precision_w"),
         (
             {"timing": {"end": {"precision_w": 1, "station": "foo"}}},
-            "timing.end.station: unknown station 'foo'; allowed mechanical, shaft, ac, dc",
+            "timing.end.station: unknown station 'foo'; allowed mechanical (column load cell) "
+            "[mechanical_1]",
         ),
         (
             {"timing": {"settle": "measured", "interval_s": 20}},

@@ -12,6 +12,7 @@ from matplotlib.patches import Rectangle
 
 from rig.analysis import labels, surfaces
 from rig.analysis.effects import effect_notes
+from rig.analysis.points import gain_matrix
 from rig.analysis.rows import columns_of, stations_of
 from rig.analysis.slices import ENDED_EARLY
 from rig.analysis.stop_reason import ENDINGS
@@ -218,13 +219,20 @@ def _alarms_and_timing(figure: Figure, summary: Summary) -> float:
     return y + 0.03
 
 
+def has_few_chosen(summary: Summary, table: xarray.Dataset) -> bool:
+    """Return whether an adaptive campaign measured too few of its candidates for any surface."""
+    if not summary.choices:
+        return False
+    return summary.few_chosen or not surfaces.has_surface(gain_matrix(table))
+
+
 def _surfaces(
     figure: Figure, summary: Summary, table: xarray.Dataset, bottom: float, top: float
 ) -> None:
     """Draw the surfaces between two heights of the page, in their own subfigure."""
     columns = surfaces.panel_columns(table)
     note = ""
-    if summary.few_chosen:
+    if has_few_chosen(summary, table):
         share = f"{summary.rows_done} of {summary.rows_planned}"
         note = f"{share} candidates are too few for surfaces: see choices.png"
     elif columns > _MAX_PANELS:

@@ -29,6 +29,7 @@ from rig.analysis.slices import (
     Slice,
     interpolate,
     is_smooth,
+    is_too_sparse,
     nearest_cells,
     slice_remarks,
     spans_surface,
@@ -215,12 +216,28 @@ def _draw_line(axes: Axes, slice_: Slice, best: Optimum) -> None:
     axes.grid(alpha=0.3)
 
 
-def draw_scatter(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
-    """Draw every point as a coloured dot, whatever its other columns, without interpolation."""
-    style_axes(axes)
+def _draw_dots(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
     x, y = zip(*display_xy(slice_, slice_.xy), strict=True)
     style: dict[str, Any] = {"s": 30.0, "edgecolors": DARK, "linewidths": 0.6, "clip_on": False}
     axes.scatter(x, y, c=slice_.values, cmap=colour_scale.colours, norm=colour_scale.norm, **style)
+
+
+def _draw_sparse(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
+    """Draw the points as coloured dots within the planned range: too few for a surface."""
+    _draw_dots(axes, slice_, colour_scale)
+    planned = np.array(display_xy(slice_, [*slice_.xy, *slice_.missing]))
+    margin = 0.05 * np.ptp(planned, axis=0)
+    low, high = planned.min(axis=0) - margin, planned.max(axis=0) + margin
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    style: dict[str, Any] = {"transform": axes.transAxes, "ha": "center", "fontsize": 7.5}
+    axes.text(0.5, 0.5, "too few points for a surface", color=DARK, va="center", **style)
+
+
+def draw_scatter(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
+    """Draw every point as a coloured dot, whatever its other columns, without interpolation."""
+    style_axes(axes)
+    _draw_dots(axes, slice_, colour_scale)
     _mark_cut(axes, _cut_places(slice_))
     if slice_.best is not None:
         best_setting = slice_.best.point.setting
@@ -291,10 +308,14 @@ def draw_panel(
         axes.set_axis_off()
         axes.text(0.5, 0.5, "no data", transform=axes.transAxes, ha="center", color=DARK)
         return "nothing"
-    content: PanelContent = "surface" if spans_surface(slice_.xy) else "line"
+    sparse = is_too_sparse(slice_)
+    content: PanelContent = "surface" if sparse or spans_surface(slice_.xy) else "line"
     if content == "surface":
-        draw_surface(axes, display_xy(slice_, slice_.xy), slice_.values, colour_scale)
-        if slice_.missing:
+        if sparse:
+            _draw_sparse(axes, slice_, colour_scale)
+        else:
+            draw_surface(axes, display_xy(slice_, slice_.xy), slice_.values, colour_scale)
+        if slice_.missing and not sparse:
             x, y = zip(*display_xy(slice_, slice_.missing), strict=True)
             (crosses,) = axes.plot(x, y, "x", color=DARK, ms=4.5, mew=1.2, clip_on=False)
             crosses.set_path_effects([withStroke(linewidth=3.0, foreground="white")])

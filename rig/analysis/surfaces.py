@@ -27,6 +27,7 @@ from rig.analysis.points import (
 )
 from rig.analysis.slices import (
     Slice,
+    is_too_sparse,
     law_axes,
     panels,
     points_over,
@@ -94,6 +95,16 @@ def is_scattered(matrix: Matrix) -> bool:
         default=0,
     )
     return largest < 3 <= len(matrix.points) and len(varied_columns(matrix)) > 3
+
+
+def has_surface(matrix: Matrix) -> bool:
+    """Return whether any panel of a matrix has points enough for a surface, or need not have."""
+    view = default_view(matrix)
+    return is_scattered(matrix) or any(
+        not is_too_sparse(slice_matrix(matrix, station.name, view.x, view.y, fixed))
+        for fixed in _fixed_settings(matrix, view)
+        for station in stations.shown(matrix.stations)
+    )
 
 
 def draw_surfaces(

@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from rig.campaign.expected import ExpectedDuration, expected_duration
 from rig.campaign.files import (
     PREDICTION,
     ExtraCheck,
@@ -80,6 +81,7 @@ class CheckReport(NamedTuple):
     not_simulated: str = ""  # why the rows are not simulated, if they should be
     unchecked: tuple[str, ...] = ()  # checks that the problems prevented
     disk: str = ""  # expected size of the log
+    scatter_w: float | None = None  # W, assumed of the mean power of a wave period
 
     @property
     def checked(self) -> AnyCampaign | None:
@@ -146,6 +148,17 @@ class CheckReport(NamedTuple):
         checked = self._campaign_and_plan()
         return 0.0 if checked is None else sum(stage.duration for stage in _stages(*checked))
 
+    @property
+    def expected(self) -> ExpectedDuration | None:
+        """The duration to expect where rows end by their power; None without simulated rows.
+
+        Raises ValueError for a ``scatter_w`` without meaning for the campaign.
+        """
+        checked = self._campaign_and_plan()
+        if checked is None:
+            return None
+        return expected_duration(*checked, self.simulated, self.scatter_w)
+
     def summary(self) -> dict[str, Any]:
         """Return the summary of the campaign, with times in s; empty if its files have problems."""
         checked = self._campaign_and_plan()
@@ -173,6 +186,7 @@ class CheckReport(NamedTuple):
                 if planned.least_duration < planned.duration
                 else {}
             ),
+            **({} if self.expected is None else self.expected.as_dict()),
             "wave_clock_s": sum(stage.wave_seconds for stage in stages),
             "measured_s": _phase_seconds(stages)["measure"],
             **moves_entry(campaign, planned),
@@ -249,6 +263,7 @@ class CheckReport(NamedTuple):
             *_adaptive_line(campaign),
             ("measured", f"{measured}, {seconds['measure']:.6g} s in total{most}"),
             ("duration", f"{duration_text(planned)}{waits}; {wave_clock_text(campaign, planned)}"),
+            *([] if (expected := self.expected) is None else [("expected", expected.text())]),
             ("phases", ", ".join(phases)),
             *([("disk", self.disk)] if self.disk else []),
             *campaign.kind.report_lines(campaign, planned),

@@ -178,7 +178,7 @@ def step(
     flags = 0
     if phase == MEASURE:
         scatter = add_period(scatter, mean.power, count)
-        if count >= params.least_periods and _is_known(params, rows, scatter, count):
+        if count >= params.least_periods and is_known(params, rows, scatter, count):
             flags = WAIT_KNOWN
         if flags != 0 or count >= params.most_periods:
             rows = after_row(rows, scatter, count)
@@ -268,7 +268,7 @@ def is_precise(params: Params, rows: Rows, scatter: Scatter, count: int) -> bool
     return freedom >= LEAST_FREEDOM and variance / count <= precision * precision
 
 
-def _is_known(params: Params, rows: Rows, scatter: Scatter, count: int) -> bool:
+def is_known(params: Params, rows: Rows, scatter: Scatter, count: int) -> bool:
     """Return whether the power of a row is known well enough after so many periods."""
     if is_precise(params, rows, scatter, count):
         return True

@@ -1,4 +1,4 @@
-"""Why rows ended: after their full length, at the precision of the campaign, or as not the best.
+"""The reasons for the end of rows: full length, precision of the campaign, or not the best.
 
 The loop does not log the condition that ended a row. The same rules applied to the record give it,
 from the powers of the station by which rows end. A row that can no longer be the best is cut by

@@ -130,7 +130,7 @@ class CheckReport(NamedTuple):
 
     @property
     def unpredicted(self) -> tuple[Problem, ...]:
-        """Why an adaptive campaign cannot start from a prediction; empty if it need not, or can."""
+        """The missing prediction from which an adaptive campaign is to start; empty without."""
         campaign = self.campaign
         adaptive = None if campaign is None else campaign.file.adaptive
         if campaign is None or adaptive is None or adaptive.start != "predicted":

@@ -245,7 +245,7 @@ def write_sliced(
     """Write one panel for each station over two columns, sliced where that station absorbs most.
 
     ``axes`` are x and y; default are those of the run. ``fixed`` fixes other columns at values of
-    the campaign instead. ``names`` are stations by name or alias; default are those shown in every
+    the campaign instead. ``names`` are stations by id or label; default are those shown in every
     picture. Raises ValueError for a value that is not in the campaign, and if both axes are the
     same column.
     """

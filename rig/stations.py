@@ -21,7 +21,7 @@ class Station(NamedTuple):
     label: str  # full name, in tables
     short_label: str  # on axes of pictures
     heading: str  # of a narrow column
-    alias: str = ""  # a second name on the command line
+    alias: str = ""  # a second, short name
     running_mean: bool = False  # the row carries ``power.mean_NAME``: its mean so far
     force: str = ""  # log field of the force whose constant offset `power_NAME_demeaned` removes
     shown: bool = False  # in pictures by default
@@ -30,6 +30,17 @@ class Station(NamedTuple):
     def name_in_text(self) -> str:
         """Name in a sentence, e.g. "mechanical power"."""
         return self.alias or self.heading
+
+    @property
+    def reference(self) -> str:
+        """Label and id, e.g. "electrical DC [dc]"; `find` knows the station by both."""
+        return f"{self.label} [{self.name}]"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names by which people know it: id, alias, labels, and column of the row table."""
+        labels = (self.label, self.short_label, self.heading)
+        return (self.name, *filter(None, [self.alias]), *labels, f"power_{self.name}")
 
     def uses(self, signal: str) -> bool:
         """Return whether the formula contains a signal."""
@@ -50,17 +61,20 @@ def from_records(records: Iterable[Mapping[str, Any]]) -> tuple[Station, ...]:
 
 
 def find(stations: Sequence[Station], name: str) -> Station:
-    """Return a station by its name or alias; ValueError lists those that exist."""
-    for station in stations:
-        if name in (station.name, station.alias):
-            return station
-    allowed = ", ".join(option_names(stations))
-    raise ValueError(f"unknown station {name!r}; allowed {allowed}")
+    """Return a station by one of its `names`, whatever their case; an id counts first.
 
-
-def option_names(stations: Iterable[Station]) -> list[str]:
-    """Return the names of stations on the command line: the alias where a station has one."""
-    return [station.alias or station.name for station in stations]
+    Raises ValueError, with label and id of all stations, for a name of none of them or of several.
+    """
+    key = name.strip().casefold()
+    for candidates in (
+        [each for each in stations if key in (each.name, each.alias)],
+        [each for each in stations if key in map(str.casefold, each.names)],
+    ):
+        if len(candidates) == 1:
+            return candidates[0]
+    problem = "ambiguous" if candidates else "unknown"
+    allowed = ", ".join(station.reference for station in stations)
+    raise ValueError(f"{problem} station {name!r}; allowed {allowed}")
 
 
 def station_names(stations: Iterable[Station]) -> list[str]:

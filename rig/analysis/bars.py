@@ -11,8 +11,10 @@ from typing import Any, Literal
 import numpy as np
 import xarray
 from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 
 from rig.analysis import labels
+from rig.analysis.cut_rows import cut_note, ended_as_worse
 from rig.analysis.points import PERCENT, Matrix, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.presentation import phrases, picture
@@ -23,6 +25,8 @@ from rig.stations import Station, shown
 Sort = Literal["run", "power"]
 
 _ABSORBED_COLOUR, _CONSUMED_COLOUR, _SETTING_COLOUR = "#1d6fa5", "#d9a441", "#8fa3b0"
+_CUT: dict[str, Any] = {"facecolor": "white", "hatch": "////", "linewidth": 0.8}
+"""A hatched bar: the row ended because it could not be the best."""
 _POWER_HEIGHT, _SETTING_HEIGHT = 1.75, 0.85  # in, heights of panels
 _MIN_WIDTH, _MAX_WIDTH = 8.0, 24.0  # in, width of the picture
 _MAX_LEVEL_TICKS = 5  # a column with at most this many values has a tick at each
@@ -95,6 +99,9 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     )
     axes_stack[-1].set_xlim(-0.8, len(positions) - 0.2)
     axes_stack[-1].set_xlabel("row", fontsize=8)
+    if note := cut_note(table):
+        handle = Patch(label=note, edgecolor=_CONSUMED_COLOUR, **_CUT)
+        body.legend(handles=[handle], loc="outside lower center", fontsize=8, frameon=False)
     for axes in axes_stack:
         picture.style_axes(axes)
         axes.grid(axis="y", alpha=0.3)
@@ -115,7 +122,11 @@ def _draw_power(axes: Axes, table: xarray.Dataset, positions: list[int], station
     power = table[f"power_{station.name}"].values[positions]
     errors = table[_error_column(table, station)].values[positions]
     colours = [_CONSUMED_COLOUR if value > 0.0 else _ABSORBED_COLOUR for value in power]
-    axes.bar(np.arange(len(positions)), power, width=0.8, color=colours)
+    bars = axes.bar(np.arange(len(positions)), power, width=0.8, color=colours)
+    cut = ended_as_worse(table)
+    for i, bar in zip(positions, bars, strict=True):
+        if table["row"].values[i] in cut:
+            bar.set(**_CUT, edgecolor=bar.get_facecolor())
     known_errors = np.flatnonzero(np.isfinite(errors))
     style: dict[str, Any] = {"fmt": "none", "ecolor": DARK, "elinewidth": 0.9, "capsize": 2.0}
     axes.errorbar(known_errors, power[known_errors], yerr=errors[known_errors], **style)

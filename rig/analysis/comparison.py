@@ -38,8 +38,8 @@ from rig.analysis.points import (
 )
 from rig.analysis.rows import INCOMPLETE, record_of, rig_time
 from rig.analysis.stored_rows import current_table
-from rig.analysis.summary import format_rows
 from rig.config.differences import ABSENT
+from rig.config.problems import format_rows
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
 from rig.presentation.phrases import clock_text

@@ -24,6 +24,7 @@ from rig.analysis.comparison import (
     mean_difference,
     power_difference,
 )
+from rig.analysis.cut_rows import mark_meaning
 from rig.analysis.points import Matrix, Point, Setting, agrees, varied_columns
 from rig.analysis.slices import XY, Slice, slice_matrix, spans_surface
 from rig.analysis.surfaces import View, default_view
@@ -126,6 +127,8 @@ def _slices(runs: _MatchedRuns, station: str, view: View, fixed: Setting) -> tup
 
 
 def _draw_surfaces(body: FigureBase, slices: list[tuple[Slice, Slice]], runs: _MatchedRuns) -> None:
+    if any(point.cut_rows for side in (runs.a, runs.b) for point in side.points):
+        panel.add_cut_legend(body, mark_meaning("one station"))
     panels: Any = body.subplots(len(slices), 3, squeeze=False)
     for i, both in enumerate(slices):
         slice_a, slice_b = both

@@ -12,7 +12,9 @@ from matplotlib.patches import Rectangle
 
 from rig.analysis import labels, surfaces
 from rig.analysis.effects import effect_notes
+from rig.analysis.points import gain_matrix
 from rig.analysis.rows import columns_of, stations_of
+from rig.analysis.slices import ENDED_EARLY
 from rig.analysis.stop_reason import ENDINGS
 from rig.analysis.summary import Summary
 from rig.presentation import phrases, picture
@@ -27,9 +29,10 @@ _LEFT, _RIGHT = 0.06, 0.94
 _COLUMN_EDGES = (0.57, 0.65, 0.74, 0.83)  # of the main columns, in the table of best points
 _MAX_PANELS = 4  # columns of surfaces that remain readable on the page
 _MAX_ALARMS = 6
-_MIN_SURFACE_HEIGHT = 0.12  # of the page height, by station; smaller surfaces are unreadable
+_MIN_SURFACE_HEIGHT = 0.112  # of the page height, by station; smaller surfaces are unreadable
 _MAX_WIDE_COLUMNS = 3  # stations whose short labels fit side by side
 _MAX_TWO_LINE_OPTIMA = 4  # with more, only those of the last station get a second line
+_CUT = "†"  # of a row that ended early, with a footnote
 _LINE = 0.0135  # height of a text line, share of the page
 
 
@@ -129,12 +132,12 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
             figure.add_artist(Line2D((_LEFT, _RIGHT), (rule, rule), color="#cfd6dc", lw=0.7))
         cells = (
             optimum.station.label if optimum.station.name != last_name else "",
-            optimum.power_text,
+            optimum.power_text + _CUT * bool(optimum.point.cut_rows),
             *(
                 phrases.format_signed(value) if isfinite(value) else ""
                 for _, value in labels.best_values(summary.main, optimum.point)
             ),
-            "\n".join(caveats := optimum.caveat.split("; ")),
+            "\n".join(caveats := [c for c in optimum.caveat.split("; ") if c != ENDED_EARLY]),
         )
         for i, (x, cell, side) in enumerate(zip(positions, cells, alignments, strict=True)):
             weight = "bold" if i == 1 else "normal"
@@ -147,14 +150,17 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
         has_further = further_text and (few or optimum.station.name == main_name)
         if has_further:
             _note(figure, _COLUMN_EDGES[-1], y, further_text, ha="right")
-        if has_further or len(caveats) > 1:
-            y -= 0.0135
+        y -= 0.0135 * max(bool(has_further), len(caveats) - 1)
     if summary.further and len(summary.optima) > _MAX_TWO_LINE_OPTIMA:
         text = "Other columns of the best points at the other stations: see summary.txt"
         _note(figure, _LEFT, y, text)
         y -= 0.0135
     if summary.caveat_text:
         _note(figure, _LEFT, y, summary.caveat_text)
+        y -= 0.0135
+    footnote = f"{_CUT} {summary.ended_early}" if summary.ended_early else ""
+    for line in textwrap.wrap(footnote, 136):
+        _note(figure, _LEFT, y, line)
         y -= 0.0135
     return y - 0.008
 
@@ -213,13 +219,20 @@ def _alarms_and_timing(figure: Figure, summary: Summary) -> float:
     return y + 0.03
 
 
+def has_few_chosen(summary: Summary, table: xarray.Dataset) -> bool:
+    """Return whether an adaptive campaign measured too few of its candidates for any surface."""
+    if not summary.choices:
+        return False
+    return summary.few_chosen or not surfaces.has_surface(gain_matrix(table))
+
+
 def _surfaces(
     figure: Figure, summary: Summary, table: xarray.Dataset, bottom: float, top: float
 ) -> None:
     """Draw the surfaces between two heights of the page, in their own subfigure."""
     columns = surfaces.panel_columns(table)
     note = ""
-    if summary.few_chosen:
+    if has_few_chosen(summary, table):
         share = f"{summary.rows_done} of {summary.rows_planned}"
         note = f"{share} candidates are too few for surfaces: see choices.png"
     elif columns > _MAX_PANELS:

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import FigureBase
+from matplotlib.lines import Line2D
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MaxNLocator
 
@@ -28,6 +29,7 @@ from rig.analysis.slices import (
     Slice,
     interpolate,
     is_smooth,
+    is_too_sparse,
     nearest_cells,
     slice_remarks,
     spans_surface,
@@ -123,6 +125,30 @@ _ALIKE: dict[str, Any] = {
 """A ring: the power there cannot be distinguished from that of the best point."""
 
 
+_CUT: dict[str, Any] = {
+    **{"ls": "", "marker": "v", "mfc": "white", "mec": DARK, "mew": 1.1},
+    **{"clip_on": False, "zorder": 4.5},
+}
+"""A hollow triangle in place of the dot: a row there ended because it could not be the best."""
+
+
+def _cut_size() -> float:
+    return 4.5 if for_paper() else 6.5
+
+
+def _mark_cut(axes: Axes, places: Sequence[XY]) -> None:
+    if places:
+        axes.plot(*zip(*places, strict=True), ms=_cut_size(), **_CUT)
+
+
+def add_cut_legend(figure: FigureBase, text: str) -> None:
+    """Add the meaning of the triangle below the panels; nothing for an empty text."""
+    if text:
+        label = textwrap.fill(text, 48 if for_paper() else 100)
+        handle = Line2D([], [], label=label, ms=_cut_size(), **_CUT)
+        figure.legend(handles=[handle], loc="outside lower center", fontsize=7.5, frameon=False)
+
+
 def mark_best(axes: Axes, x: float, y: float) -> None:
     """Draw a star at the best point."""
     axes.plot(
@@ -175,6 +201,8 @@ def _draw_line(axes: Axes, slice_: Slice, best: Optimum) -> None:
     y = [slice_.points[i].power[slice_.station.name] for i in order]
     errors = np.nan_to_num([slice_.points[i].shown_error(slice_.station.name) for i in order])
     axes.errorbar(x, y, yerr=errors, fmt="o-", color=DARK, ms=3.5, lw=1.0, capsize=2)
+    cut = [i for i in range(len(order)) if slice_.points[order[i]].cut_rows]
+    _mark_cut(axes, [(x[i], y[i]) for i in cut])
     mark_best(axes, best.point.setting[column.name] * factor, best.power)
     missing = [coordinates[axis] * factor for coordinates in slice_.missing]
     if missing:
@@ -188,12 +216,29 @@ def _draw_line(axes: Axes, slice_: Slice, best: Optimum) -> None:
     axes.grid(alpha=0.3)
 
 
-def draw_scatter(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
-    """Draw every point as a coloured dot, whatever its other columns, without interpolation."""
-    style_axes(axes)
+def _draw_dots(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
     x, y = zip(*display_xy(slice_, slice_.xy), strict=True)
     style: dict[str, Any] = {"s": 30.0, "edgecolors": DARK, "linewidths": 0.6, "clip_on": False}
     axes.scatter(x, y, c=slice_.values, cmap=colour_scale.colours, norm=colour_scale.norm, **style)
+
+
+def _draw_sparse(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
+    """Draw the points as coloured dots within the planned range: too few for a surface."""
+    _draw_dots(axes, slice_, colour_scale)
+    planned = np.array(display_xy(slice_, [*slice_.xy, *slice_.missing]))
+    margin = 0.05 * np.ptp(planned, axis=0)
+    low, high = planned.min(axis=0) - margin, planned.max(axis=0) + margin
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    style: dict[str, Any] = {"transform": axes.transAxes, "ha": "center", "fontsize": 7.5}
+    axes.text(0.5, 0.5, "too few points for a surface", color=DARK, va="center", **style)
+
+
+def draw_scatter(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
+    """Draw every point as a coloured dot, whatever its other columns, without interpolation."""
+    style_axes(axes)
+    _draw_dots(axes, slice_, colour_scale)
+    _mark_cut(axes, _cut_places(slice_))
     if slice_.best is not None:
         best_setting = slice_.best.point.setting
         _mark_optimum(axes, slice_, slice_.best)
@@ -214,6 +259,11 @@ def display_xy(slice_: Slice, xy: Sequence[XY]) -> list[XY]:
     """Return coordinates in the displayed units of the axes."""
     factor_x, factor_y = labels.display_factor(slice_.x), labels.display_factor(slice_.y)
     return [(x * factor_x, y * factor_y) for x, y in xy]
+
+
+def _cut_places(slice_: Slice) -> list[XY]:
+    cut = [xy for xy, point in zip(slice_.xy, slice_.points, strict=True) if point.cut_rows]
+    return display_xy(slice_, cut)
 
 
 def format_caption(
@@ -258,13 +308,18 @@ def draw_panel(
         axes.set_axis_off()
         axes.text(0.5, 0.5, "no data", transform=axes.transAxes, ha="center", color=DARK)
         return "nothing"
-    content: PanelContent = "surface" if spans_surface(slice_.xy) else "line"
+    sparse = is_too_sparse(slice_)
+    content: PanelContent = "surface" if sparse or spans_surface(slice_.xy) else "line"
     if content == "surface":
-        draw_surface(axes, display_xy(slice_, slice_.xy), slice_.values, colour_scale)
-        if slice_.missing:
+        if sparse:
+            _draw_sparse(axes, slice_, colour_scale)
+        else:
+            draw_surface(axes, display_xy(slice_, slice_.xy), slice_.values, colour_scale)
+        if slice_.missing and not sparse:
             x, y = zip(*display_xy(slice_, slice_.missing), strict=True)
             (crosses,) = axes.plot(x, y, "x", color=DARK, ms=4.5, mew=1.2, clip_on=False)
             crosses.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
+        _mark_cut(axes, _cut_places(slice_))
         _mark_optimum(axes, slice_, slice_.best)
         subplot = axes.get_subplotspec()
         if subplot is None or subplot.is_last_row():

@@ -8,7 +8,9 @@ import numpy as np
 import xarray
 
 from rig.analysis.compared_rows import BATCHES
+from rig.analysis.cut_rows import cut_note
 from rig.analysis.intervals import CONFIDENCE, Floats, combined_half_width
+from rig.analysis.row_ends import END_REASON, WORSE
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.analysis.scatter import standard_error
 from rig.analysis.uncertainty import BUDGET_ATTRIBUTE, CONTRIBUTIONS
@@ -34,6 +36,7 @@ class Point(NamedTuple):
     type_b: dict[str, Floats] = {}  # noqa: RUF012 (W, by station; shape: seas, sources of a budget)
     distributions: tuple[str, ...] = ()  # of the errors of these sources
     is_compared: bool = False  # with a row over the whole repeat period, which gives `error`
+    cut_rows: tuple[int, ...] = ()  # rows that ended because they could no longer be the best
 
     def contributions(self, name: str, seeds: Sequence[int] = ()) -> Floats:
         """Return the signed Type B contributions to the power of a station, W; empty without any.
@@ -74,6 +77,7 @@ class Matrix(NamedTuple):
     planned: tuple[Setting, ...]  # every set point of the campaign, measured or not
     columns: tuple[Column, ...] = ()
     stations: tuple[Station, ...] = ()  # of the points' powers, in the order of the flow of power
+    cut_note: str = ""  # the meaning of points with `cut_rows`; empty without any
 
     @property
     def panel(self) -> Column | None:
@@ -164,7 +168,7 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
         )._replace(distributions=distributions)
         for rows in members.values()
     )
-    return Matrix(points, tuple(planned.values()), matrix_columns, stations)
+    return Matrix(points, tuple(planned.values()), matrix_columns, stations, cut_note(table))
 
 
 def _point(
@@ -197,9 +201,12 @@ def _point(
         if (shares := columns.get(f"power_{name}_{CONTRIBUTIONS}")) is not None:
             type_b[name] = np.array([shares[group].mean(axis=0) for group in in_sea.values()])
     numbers = tuple(columns["row"][rows].tolist())
+    ends = columns[END_REASON][rows] if END_REASON in columns else [""] * len(rows)
+    cut = tuple(row for row, end in zip(numbers, ends, strict=True) if end == WORSE)
     return Point(
-        setting, power, error, numbers, actuator, dof, by_seed, type_b, is_compared=is_compared
-    )
+        setting, power, error, numbers, actuator, dof, by_seed, type_b,
+        is_compared=is_compared, cut_rows=cut,
+    )  # fmt: skip
 
 
 def error_source(points: Iterable[Point]) -> str:

@@ -28,7 +28,7 @@ from rig.analysis.calibration_picture import write_picture
 from rig.analysis.choices import choices_of
 from rig.analysis.choices_picture import write_choices
 from rig.analysis.effects import all_effects, write_effects
-from rig.analysis.page import write_page
+from rig.analysis.page import has_few_chosen, write_page
 from rig.analysis.points import gain_matrix, varied_columns
 from rig.analysis.rows import COMPLETE, record_of, rig_time, write_rows
 from rig.analysis.run_products import DrawOptions, RunProducts, RunSummary
@@ -130,7 +130,7 @@ def analyse(
     page: Write = partial(write_page, summary, table)
     drawn = (
         page,
-        *_pictures(table, few=summary.few_chosen),
+        *_pictures(table, few=has_few_chosen(summary, table)),
         *_picture_of_choices(table, run_facts),
     )
     return Analysis(summary, partial(_write_tables, run, table), drawn)

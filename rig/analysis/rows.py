@@ -21,6 +21,7 @@ import numpy as np
 from rig.analysis import calibrated
 from rig.analysis.calibrated import RECORDED
 from rig.analysis.compared_rows import NOT_COMPARED, WAVE_CLOCK, compared_rows
+from rig.analysis.row_ends import END_REASON, END_STATION, row_ends
 from rig.analysis.scatter import UNKNOWN, period_means, successive_error
 from rig.analysis.uncertainty import (
     BUDGET_ATTRIBUTE,
@@ -239,6 +240,14 @@ def _add_repetition_errors(table: list[dict[str, Any]], stations: Iterable[Stati
                     row[f"{name}_se"], row[f"{name}_dof"] = scatter, len(rows) - 1.0
 
 
+def _add_alarms(table: list[dict[str, Any]], bound: float) -> None:
+    """Flag the complete rows with a mean position farther from zero than ``bound`` (m)."""
+    for row in table:
+        for name in [name for name in row if name.endswith("position_mean")]:
+            off_zero = abs(row[name]) > bound
+            row[name.replace("_mean", "_alarm")] = int(off_zero and row["state"] == COMPLETE)
+
+
 def row_table(
     run: str | os.PathLike[str],
     calibrations: Sequence[CalibrationVersion] = (),
@@ -248,7 +257,8 @@ def row_table(
 ) -> "xarray.Dataset":
     """Return the row table of a finished or unfinished run, with one entry per row in order of id.
 
-    The table covers all planned and measured rows. Values that the run did not log are NaN. The
+    The table covers all planned and measured rows. Values that the run did not log are NaN. Where
+    rows end by their power, `end_reason` gives why each did (`rig.analysis.row_ends`). The
     units of the variables are in ``attrs``. ``samples`` counts the recorded ticks of a window,
     ``ticks_expected`` the executed ones, ``ticks_missing`` the lost ones. ``stroke`` is peak to
     peak. ``power_*_demeaned`` is mean(F v) - mean(F) mean(v). ``power_*_se`` is the standard error
@@ -276,6 +286,7 @@ def row_table(
     budget = budget_of(run_facts.config, run_facts.row_contents, available)
     shares: dict[int, Any] = {}  # contributions of the sources of the budget, by row
     compared = compared_rows(run_facts.plan, run_facts.config, contents.stations, period_ticks)
+    ends = row_ends(run_facts.plan, run_facts.config, contents.stations, period_ticks)
     fields = [*table_fields(contents, available), *([] if compared is None else [WAVE_CLOCK])]
     if budget is not None:
         fields = list(dict.fromkeys([*fields, *budget.log_fields]))
@@ -299,6 +310,7 @@ def row_table(
         window = whole._replace(data=calibrated.correct_ticks(corrections, whole.data))
         entry = reduce_window(window, period_ticks, contents)
         entry = entry if compared is None else compared.complete(entry, window)
+        entry = entry if ends is None else ends.complete(entry, whole)
         if budget is not None:
             shares[window.row] = budget.contributions(window.data)
             entry |= type_b(budget, shares[window.row])
@@ -308,7 +320,9 @@ def row_table(
         )
     state = reading.state(run)
     lost_rows = missing_rows(run_facts.plan, measured, state)
-    added: dict[str, Any] = {} if compared is None else NOT_COMPARED
+    added: dict[str, Any] = ({} if compared is None else NOT_COMPARED) | (
+        {} if ends is None else {END_REASON: ""}
+    )
     table = [
         added
         | calibrated.correct_row(
@@ -324,11 +338,7 @@ def row_table(
         )
         for row in sorted({*planned, *measured})
     ]
-    for row_entry in table:
-        for name in [name for name in row_entry if name.endswith("position_mean")]:
-            off_zero = abs(row_entry[name]) > mean_position_alarm
-            alarm = name.replace("_mean", "_alarm")
-            row_entry[alarm] = int(off_zero and row_entry["state"] == COMPLETE)
+    _add_alarms(table, mean_position_alarm)
     _add_repetition_errors(table, contents.stations)
     if budget is not None:
         complete = [row_entry for row_entry in table if row_entry["state"] == COMPLETE]
@@ -339,6 +349,7 @@ def row_table(
         "record": state.description,
         "record_state": json.dumps(state.as_dict()),
         **contents_attributes(contents),
+        **({} if ends is None else {END_STATION: ends.station}),
     }
     if budget is not None:
         attributes[BUDGET_ATTRIBUTE] = budget.describe(complete, shares)

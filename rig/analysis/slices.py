@@ -134,6 +134,7 @@ _MIN_LEVELS = 3  # of a column, so that a level can lie inside its range
 WITHIN_ERRORS = "within errors"
 WITHIN_SHARE = f"within {100.0 * NEGLIGIBLE_SHARE:g} %"
 UNDECIDED = "undecided"
+ENDED_EARLY = "ended early"  # by the judgement of another station
 _NO_SPREAD = "differences within errors"
 
 
@@ -160,7 +161,8 @@ class Optimum(NamedTuple):
             return self.flat
         edge = "grid's edge" if self.at_edge else "next to a gap" if self.at_gap else ""
         known = UNDECIDED if self.alike is None else f"1 of {1 + len(self.alike)} alike"
-        return "; ".join(filter(None, (known if self.alike != () else "", edge)))
+        cut = ENDED_EARLY if self.point.cut_rows else ""
+        return "; ".join(filter(None, (known if self.alike != () else "", cut, edge)))
 
     @property
     def power(self) -> float:
@@ -317,13 +319,20 @@ def find_optima(table: xarray.Dataset) -> list[Optimum]:
     return [found.best for found in slices if found.best is not None]
 
 
+def is_too_sparse(slice_: Slice) -> bool:
+    """Return whether a slice of a planned surface has too few measured points for one."""
+    return not spans_surface(slice_.xy) and spans_surface([*slice_.xy, *slice_.missing])
+
+
 def slice_remarks(slice_: Slice) -> list[str]:
     """Return remarks on the slice: why it is not a full, evenly spaced grid."""
     if not slice_.points:
         return []
     xs, ys = (sorted(set(values)) for values in zip(*slice_.xy, strict=True))
     remarks = []
-    if len(slice_.points) < 3:
+    if is_too_sparse(slice_):
+        remarks.append(f"{len(slice_.points)} of {len(slice_.points) + len(slice_.missing)} points")
+    elif len(slice_.points) < 3:
         remarks.append("1 point only" if len(slice_.points) == 1 else "2 points only")
     elif min(len(xs), len(ys)) > 1 and not spans_surface(slice_.xy):
         remarks.append("points on one line")
@@ -334,7 +343,7 @@ def slice_remarks(slice_: Slice) -> list[str]:
         remarks += [f"{' and '.join(uneven)} unevenly spaced"] if uneven else []
     if flatness := _flatness(slice_.station.name, slice_.points, 3):
         remarks.append(f"all {flatness}" if flatness != WITHIN_ERRORS else _NO_SPREAD)
-    if slice_.missing:
+    if slice_.missing and not is_too_sparse(slice_):
         count = len(slice_.missing)
         remarks.append(f"{count} point{'s' if count > 1 else ''} not measured (×)")
     return remarks

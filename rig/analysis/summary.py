@@ -10,13 +10,14 @@ import xarray
 
 from rig.analysis import labels
 from rig.analysis.choices import choice_texts
+from rig.analysis.cut_rows import cut_message
 from rig.analysis.effects import Effects, all_effects, effects_json, effects_text, is_designed
 from rig.analysis.intervals import CONFIDENCE
 from rig.analysis.points import error_note, gain_matrix, varied_columns
 from rig.analysis.rows import COMPLETE, INCOMPLETE, INTERRUPTED
-from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, find_optima
+from rig.analysis.slices import ENDED_EARLY, NEGLIGIBLE_SHARE, Optimum, find_optima
 from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
-from rig.config.problems import number_ranges
+from rig.config.problems import format_rows
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
 from rig.recording.provenance import code_text
@@ -24,15 +25,6 @@ from rig.recording.runs.create import replace_text
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.state import RecordState
 from rig.row_contents import PANEL, Column, X, Y, main_columns, with_role
-
-
-def format_rows(rows: Any) -> str:
-    """Return row ids as short text: ``rows 1-5, 9``."""
-    numbers = sorted(map(int, rows))
-    texts = number_ranges(numbers)
-    if len(texts) > 12:
-        texts = [*texts[:12], f"and {len(texts) - 12} more"]
-    return ("row " if len(numbers) == 1 else "rows ") + ", ".join(texts)
 
 
 def _flag_alarms(table: xarray.Dataset, name: str, template: str) -> list[str]:
@@ -158,6 +150,7 @@ class Summary(NamedTuple):
     resumed_utc: tuple[str, ...] = ()  # when the run was resumed
     choices: tuple[str, ...] = ()  # of the rows of an adaptive campaign
     uncertainty: tuple[str, ...] = ()  # of the best powers; empty without a budget
+    ended_early: str = ""  # rows that ended as not the best, and by which station
     rehearsed: tuple[str, ...] = ()  # the rows beside those of the rehearsal; empty without one
 
     @property
@@ -290,6 +283,7 @@ def summarise(
         effects=all_effects(table) if is_designed(matrix) else (),
         lost_ticks=stop.lost,
         choices=choice_texts(run_facts),
+        ended_early=cut_message(table),
     )
 
 
@@ -394,6 +388,7 @@ def alike_text(optimum: Optimum, main: Sequence[Column]) -> str:
             for column in main
             if column.name in point.setting
         )
+        + (f" ({ENDED_EARLY})" if point.cut_rows else "")
         for point in optimum.alike[:_MAX_ALIKE]
     ]
     more = len(optimum.alike) - len(points)
@@ -425,6 +420,8 @@ def _result_lines(summary: Summary) -> list[str]:
             lines.append(f"  {'':<32} {alike}")
     if note := summary.caveat_text:
         lines.append(f"  {note}")
+    if summary.ended_early:
+        lines.append(f"  {summary.ended_early}")
     if not summary.optima:
         lines.append("  no complete row")
     return lines

@@ -27,6 +27,7 @@ from rig.analysis.points import (
 )
 from rig.analysis.slices import (
     Slice,
+    is_too_sparse,
     law_axes,
     panels,
     points_over,
@@ -96,6 +97,16 @@ def is_scattered(matrix: Matrix) -> bool:
     return largest < 3 <= len(matrix.points) and len(varied_columns(matrix)) > 3
 
 
+def has_surface(matrix: Matrix) -> bool:
+    """Return whether any panel of a matrix has points enough for a surface, or need not have."""
+    view = default_view(matrix)
+    return is_scattered(matrix) or any(
+        not is_too_sparse(slice_matrix(matrix, station.name, view.x, view.y, fixed))
+        for fixed in _fixed_settings(matrix, view)
+        for station in stations.shown(matrix.stations)
+    )
+
+
 def draw_surfaces(
     figure: FigureBase,
     table: xarray.Dataset,
@@ -110,6 +121,7 @@ def draw_surfaces(
     are drawn on top.
     """
     matrix = gain_matrix(table)
+    panel.add_cut_legend(figure, matrix.cut_note)
     if not matrix.points:
         figure.text(0.5, 0.5, "no complete row: no surface to draw", ha="center", color=DARK)
         return
@@ -233,7 +245,7 @@ def write_sliced(
     """Write one panel for each station over two columns, sliced where that station absorbs most.
 
     ``axes`` are x and y; default are those of the run. ``fixed`` fixes other columns at values of
-    the campaign instead. ``names`` are stations by name or alias; default are those shown in every
+    the campaign instead. ``names`` are stations by id or label; default are those shown in every
     picture. Raises ValueError for a value that is not in the campaign, and if both axes are the
     same column.
     """
@@ -255,6 +267,7 @@ def write_sliced(
     columns = min(len(slices), picture.paper_columns() or len(slices))
     rows = -(-len(slices) // columns)
     grid: Any = body.subplots(rows, columns, squeeze=False)
+    panel.add_cut_legend(body, matrix.cut_note)
     for spare in grid.flat[len(slices) :]:
         spare.set_axis_off()
     panel_width = width / len(slices) - 1.0

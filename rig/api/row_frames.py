@@ -141,7 +141,10 @@ def _coordinate(column: Column, values: list[float]) -> tuple[str, Any, dict[str
 
 
 def _results(matrix: Matrix, points: list[Point]) -> dict[str, tuple[list[float], dict[str, str]]]:
-    """Return power and standard error of each station, and the expanded uncertainty by a budget."""
+    """Return power and standard error of each station, and the expanded uncertainty by a budget.
+
+    `ended_early` is 1 where a row was cut because it could no longer be the best, if any was.
+    """
     found: dict[str, tuple[list[float], dict[str, str]]] = {}
     for station in matrix.stations:
         name, label = station.name, station.label
@@ -152,4 +155,7 @@ def _results(matrix: Matrix, points: list[Point]) -> dict[str, tuple[list[float]
         if any(name in p.type_b for p in points):
             expanded = attributes | {"long_name": f"{label}, expanded uncertainty (95 %)"}
             found[f"power_{name}_expanded"] = [p.expanded(name) for p in points], expanded
+    if matrix.cut_note:
+        note = {UNITS: "1", "long_name": matrix.cut_note}
+        found["ended_early"] = [float(bool(p.cut_rows)) for p in points], note
     return found

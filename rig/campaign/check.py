@@ -3,10 +3,12 @@
 import json
 from collections.abc import Callable, Sequence
 from datetime import date
+from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from rig.campaign.expected import ExpectedDuration, expected_duration
 from rig.campaign.files import (
     PREDICTION,
     ExtraCheck,
@@ -19,7 +21,6 @@ from rig.campaign.law_checks import trial_problems
 from rig.campaign.plan import build_plan, stage_plans
 from rig.campaign.record import moves_entry, seeds_text
 from rig.campaign.simulated_rows import SimulatedRows
-from rig.config.adaptive import AdaptiveRows
 from rig.config.campaign_file import BaseCampaignFile
 from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path, problems_text
@@ -27,6 +28,7 @@ from rig.planning.points import unused_row_warnings
 from rig.planning.tank import TankTimes, tank_line, tank_times, tank_warnings
 from rig.planning.windows import RowWindows
 from rig.presentation.phrases import count_text, format_duration
+from rig.stations import find
 
 
 class CampaignPrediction(Protocol):
@@ -79,6 +81,7 @@ class CheckReport(NamedTuple):
     not_simulated: str = ""  # why the rows are not simulated, if they should be
     unchecked: tuple[str, ...] = ()  # checks that the problems prevented
     disk: str = ""  # expected size of the log
+    scatter_w: float | None = None  # W, assumed of the mean power of a wave period
 
     @property
     def checked(self) -> AnyCampaign | None:
@@ -94,7 +97,7 @@ class CheckReport(NamedTuple):
             self.unused_rows, self.validity_warnings, self.law_warnings, self.not_compiled,
             self.plant_warnings, self.tank_warnings,
         )  # fmt: skip
-        return (*chain.from_iterable(own), *predicted, *simulated)
+        return (*chain.from_iterable(own), *predicted, *simulated, *self.unpredicted)
 
     @property
     def ok(self) -> bool:
@@ -103,14 +106,58 @@ class CheckReport(NamedTuple):
 
     @property
     def refused(self) -> tuple[Problem, ...]:
-        """Reasons why no simulated row must run; empty without a simulation."""
-        return () if self.simulated is None else tuple(self.simulated.refused())
+        """Reasons why no simulated row must run, or why rows cannot be chosen."""
+        simulated = () if self.simulated is None else tuple(self.simulated.refused())
+        return (*simulated, *self.unpredicted)
+
+    @property
+    def predicted_powers(self) -> dict[str, list[float]]:
+        """Predicted powers (W) of all rows by station; empty without those of every row."""
+        if self.prediction is not None:
+            rows = self.prediction.as_dict()["predictions"]
+        elif self.simulated is not None:
+            rows = self.simulated.as_dict()["simulated"]
+        else:
+            return {}
+        assert self.plan is not None
+        if len(rows) != len(self.plan.rows):  # a simulation may cover the first rows only
+            return {}
+        return {
+            name.removeprefix("power_"): [float(row[name]) for row in rows]
+            for name in rows[0]
+            if name.startswith("power_") and all(row.get(name) is not None for row in rows)
+        }
+
+    @property
+    def unpredicted(self) -> tuple[Problem, ...]:
+        """The missing prediction from which an adaptive campaign is to start; empty without."""
+        campaign = self.campaign
+        adaptive = None if campaign is None else campaign.file.adaptive
+        if campaign is None or adaptive is None or adaptive.start != "predicted":
+            return ()
+        station = find(campaign.kind.assessed_stations(campaign.rig), adaptive.station)
+        if station.name in self.predicted_powers:
+            return ()
+        why = self.not_predicted or self.not_simulated or "this kind of rig has none"
+        message = f"there is no prediction of these rows to start from ({why}); allowed nothing"
+        return (campaign.locate.problem(("adaptive", "start"), "predicted", message),)
 
     @property
     def duration(self) -> float:
         """Longest duration of all stages, s; 0 if the files have problems."""
         checked = self._campaign_and_plan()
         return 0.0 if checked is None else sum(stage.duration for stage in _stages(*checked))
+
+    @property
+    def expected(self) -> ExpectedDuration | None:
+        """The duration to expect where rows end by their power; None without simulated rows.
+
+        Raises ValueError for a ``scatter_w`` without meaning for the campaign.
+        """
+        checked = self._campaign_and_plan()
+        if checked is None:
+            return None
+        return expected_duration(*checked, self.simulated, self.scatter_w)
 
     def summary(self) -> dict[str, Any]:
         """Return the summary of the campaign, with times in s; empty if its files have problems."""
@@ -139,6 +186,7 @@ class CheckReport(NamedTuple):
                 if planned.least_duration < planned.duration
                 else {}
             ),
+            **({} if self.expected is None else self.expected.as_dict()),
             "wave_clock_s": sum(stage.wave_seconds for stage in stages),
             "measured_s": _phase_seconds(stages)["measure"],
             **moves_entry(campaign, planned),
@@ -212,9 +260,10 @@ class CheckReport(NamedTuple):
             *([] if file.reference is None else [("reference", file.reference.description())]),
             *_law_lines(campaign),
             ("rows", rows),
-            *_adaptive_line(file.adaptive),
+            *_adaptive_line(campaign),
             ("measured", f"{measured}, {seconds['measure']:.6g} s in total{most}"),
             ("duration", f"{duration_text(planned)}{waits}; {wave_clock_text(campaign, planned)}"),
+            *([] if (expected := self.expected) is None else [("expected", expected.text())]),
             ("phases", ", ".join(phases)),
             *([("disk", self.disk)] if self.disk else []),
             *campaign.kind.report_lines(campaign, planned),
@@ -271,6 +320,10 @@ def check_campaign(
     except ConfigError as error:
         return CheckReport(path, error.problems, None, None, unchecked=error.unchecked)
     planned, file = build_plan(campaign), campaign.file
+    if file.adaptive is not None and find_spec("sklearn") is None:
+        message = "scikit-learn is not installed; `pip install wec-rig[adaptive]` adds it"
+        problem = campaign.locate.problem(("adaptive",), None, message)
+        return CheckReport(path, (problem,), None, None, unchecked=(PREDICTION,))
     out_of_date = kind.validity_warnings(campaign, day) if day is not None else ()
     unused_rows = unused_row_warnings(
         file.matrix, campaign.locate, file.kind_columns, file.law_columns()
@@ -362,11 +415,13 @@ def _tank_entry(campaign: AnyCampaign) -> dict[str, Any]:
     return {"tank": dict(zip(keys, times, strict=True))}
 
 
-def _adaptive_line(adaptive: AdaptiveRows | None) -> list[tuple[str, str]]:
+def _adaptive_line(campaign: AnyCampaign) -> list[tuple[str, str]]:
+    adaptive = campaign.file.adaptive
     if adaptive is None:
         return []
+    station = find(campaign.kind.assessed_stations(campaign.rig), adaptive.station)
     text = (
-        f"at least {adaptive.first_rows} rows, until the expected loss of {adaptive.station} power "
+        f"at least {adaptive.first_rows} rows, until the expected loss at {station.reference} "
         f"is within {adaptive.precision_w:g} W; from "
         + ("the predicted powers" if adaptive.start == "predicted" else "nothing")
     )

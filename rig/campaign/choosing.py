@@ -11,7 +11,6 @@ import os
 import sys
 import time
 from collections.abc import Collection, Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,25 +52,16 @@ class Decision(NamedTuple):
 def adaptive_record(report: CheckReport) -> dict[str, Any]:
     """Return what the record of a plan says of the choice of rows; empty for other campaigns.
 
-    Raises ValueError without the prediction that the campaign is to start from, and without
-    scikit-learn.
+    Raises ValueError without the prediction that the campaign is to start from.
     """
     campaign, plan = report.campaign, report.plan
     if campaign is None or plan is None or campaign.file.adaptive is None:
         return {}
-    if find_spec("sklearn") is None:
-        raise ValueError(
-            "adaptive: scikit-learn is not installed; `pip install wec-rig[adaptive]` adds it"
-        )
     file = campaign.file.adaptive
+    for problem in report.unpredicted:
+        raise ValueError(f"{problem.key}: {problem.message}")
     station = find(campaign.kind.assessed_stations(campaign.rig), file.station)
-    predicted = _predicted_powers(report) if file.start == "predicted" else {}
-    if file.start == "predicted" and station.name not in predicted:
-        raise ValueError(
-            "adaptive.start: there is no prediction of these rows to start from "
-            f"({report.not_predicted or report.not_simulated or 'this kind of rig has none'}); "
-            "allowed nothing"
-        )
+    predicted = report.predicted_powers if file.start == "predicted" else {}
     windows = campaign.kind.windows(campaign.file)
     facts = {"station": station.name, "predicted": predicted, "row_s": windows.interval}
     return {ADAPTIVE: file.model_dump(mode="json") | facts}
@@ -80,25 +70,6 @@ def adaptive_record(report: CheckReport) -> dict[str, Any]:
 def candidate_places(campaign: AnyCampaign, rows: Sequence[Any]) -> dict[int, float]:
     """Return the place of the part that moves, by row of a plan; empty if no rows are chosen."""
     return {} if campaign.file.adaptive is None else {row.row: row.place for row in rows}
-
-
-def _predicted_powers(report: CheckReport) -> dict[str, list[float]]:
-    """Return the predicted powers (W) of all rows by station; empty without a prediction."""
-    if report.prediction is not None:
-        rows = report.prediction.as_dict()["predictions"]
-    elif report.simulated is not None:
-        rows = report.simulated.as_dict()["simulated"]
-    else:
-        return {}
-    assert report.plan is not None
-    if len(rows) != len(report.plan.rows):  # a simulation may cover the first rows only
-        return {}
-    names = [name for name in rows[0] if name.startswith("power_")]
-    return {
-        name.removeprefix("power_"): [float(row[name]) for row in rows]
-        for name in names
-        if all(row.get(name) is not None for row in rows)
-    }
 
 
 class Candidates:

@@ -78,6 +78,7 @@ class SimulatedRows(NamedTuple):
     reason: str  # of the end: a `Reason`; NONE: the rest of the plan was not simulated
     contents: RowContents
     units: dict[str, str]  # of the numbers in the table
+    seconds: float = float("nan")  # simulated time, of all seas
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -226,7 +227,15 @@ def simulate_rows(
         for name, field in motion.items()
         for statistic in ("mean", "rms", "peak")
     }
-    return SimulatedRows(campaign, len(plan.rows), tuple(rows), simulation.reason, contents, units)
+    return SimulatedRows(
+        campaign,
+        len(plan.rows),
+        tuple(rows),
+        simulation.reason,
+        contents,
+        units,
+        simulation.seconds,
+    )
 
 
 def row_results(

@@ -29,6 +29,14 @@ def command(
         bool,
         typer.Option("--simulate", help="Simulate all rows; compile the rig's loop if necessary."),
     ] = False,
+    scatter: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            help="Scatter of the mean power of a wave period, W, that is assumed for the expected "
+            "duration; with --simulate.",
+        ),
+    ] = None,
     rig: Rig = None,
     runs: Runs = RUNS,
     as_json: Json = False,
@@ -51,6 +59,10 @@ def command(
         )
         return fail("check", error, as_json=as_json)
     report = with_simulated_rows(report, simulate=simulate, quiet=as_json)
+    if scatter is not None and isinstance(report, CheckReport):
+        report = report._replace(scatter_w=scatter)
+        with input_errors("check", as_json=as_json):
+            _ = report.expected
     refusal = _wire_refusal(tasks, report)
     size = _log_bytes(tasks, report)
     log = "" if size is None else f"about {format_bytes(float(f'{size:.2g}'))} of log"

@@ -36,7 +36,10 @@ def command(
     ],
     best: Annotated[
         list[str] | None,
-        typer.Option("--for", help="Station whose power to maximise; repeatable (default: all)."),
+        typer.Option(
+            "--for",
+            help="Station whose power to maximise, by id or label; repeatable (default: all).",
+        ),
     ] = None,
     lead_in: Annotated[
         float,

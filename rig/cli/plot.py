@@ -45,7 +45,7 @@ def command(
     ] = None,
     station: Annotated[
         list[str] | None,
-        typer.Option(help="Station of a surface: mechanical, shaft, ac, dc; repeatable."),
+        typer.Option(help="Station of a surface, by id or label; repeatable."),
     ] = None,
     sort: Annotated[
         str | None,

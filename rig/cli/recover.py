@@ -195,7 +195,7 @@ def _missing_lines(recovery: Recovery) -> list[str]:
 
 def _row_lines(rows: list[RecoveredRow] | None, *, lost: bool) -> list[str]:
     from rig.analysis.rows import COMPLETE, NOT_RUN
-    from rig.analysis.summary import format_rows
+    from rig.config.problems import format_rows
 
     if rows is None:
         return []

@@ -13,7 +13,7 @@ class AdaptiveRows(FileModel):
     `rig.design.surrogate` has the method.
     """
 
-    station: str = Field(default="dc", min_length=1)  # whose power is to be as low as possible
+    station: str = Field(default="dc", min_length=1)  # by id or label: the power to minimise
     precision_w: float = Field(gt=0, le=1e6)  # expected loss of the best row, at which it ends
     first_rows: WholeNumber = Field(default=4, ge=2, le=100)  # measured in any case
     max_rows: WholeNumber = Field(default=30, ge=2, le=1000)

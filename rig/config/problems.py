@@ -126,6 +126,15 @@ def format_line_numbers(numbers: Sequence[int]) -> str:
     return f"line{'s' if len(numbers) > 1 else ''} {', '.join(number_ranges(numbers))}"
 
 
+def format_rows(rows: Iterable[int]) -> str:
+    """Return row ids as short text: ``rows 1-5, 9``."""
+    numbers = sorted(map(int, rows))
+    texts = number_ranges(numbers)
+    if len(texts) > 12:
+        texts = [*texts[:12], f"and {len(texts) - 12} more"]
+    return ("row " if len(numbers) == 1 else "rows ") + ", ".join(texts)
+
+
 def problems_text(problems: Sequence[Problem], unchecked: Sequence[str] = ()) -> str:
     """Return one problem a line, their number, and the checks that these problems prevented."""
     count = len(problems)

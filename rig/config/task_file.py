@@ -16,7 +16,7 @@ class RowEnd(FileModel):
     irregular ones.
     """
 
-    station: str = Field(default="dc", min_length=1)  # name or alias of a power station
+    station: str = Field(default="dc", min_length=1)  # by id or label
     least_periods: WholeNumber | None = Field(default=None, ge=2, le=1000)  # of a regular sea
     least_s: float | None = Field(default=None, gt=0, le=3600)  # of an irregular one
     precision_w: float | None = Field(default=None, gt=0, le=1e6)  # standard error of the mean

@@ -108,7 +108,8 @@ class State(NamedTuple):
 
 NOTHING = Params(0.0, 0, 0, 0, 0.0, 0.0, 0)
 _ZERO = Mean(0.0, 0.0, 0.0)
-_NO_SCATTER = Scatter(0.0, 0.0)
+NO_SCATTER = Scatter(0.0, 0.0)
+NO_ROWS = Rows(0.0, 0, inf, 0.0)
 _NO_TRANSIENT = Transient(_ZERO, 0, inf, inf)
 
 
@@ -119,8 +120,8 @@ def start() -> State:
         0.0,
         _ZERO,
         _NO_TRANSIENT,
-        _NO_SCATTER,
-        Rows(0.0, 0, inf, 0.0),
+        NO_SCATTER,
+        NO_ROWS,
         paired_rows.start(),
         0,
     )
@@ -155,7 +156,7 @@ def step(
     number, entered, ticks, count = segment
     if plan.paused == 1 or plan.segment != number or plan.entered != entered:
         number, entered, ticks, count = plan.segment, plan.entered, 0, 0
-        samples, sums, scatter, periods = 0.0, _ZERO, _NO_SCATTER, 1
+        samples, sums, scatter, periods = 0.0, _ZERO, NO_SCATTER, 1
     segment = Segment(number, entered, ticks, count)
     if plan.paused == 1 or phase not in (LEAD_IN, SETTLE, MEASURE):
         return State(segment, samples, sums, _NO_TRANSIENT, scatter, rows, paired, 0)
@@ -176,11 +177,11 @@ def step(
     segment = Segment(number, entered, ticks, count)
     flags = 0
     if phase == MEASURE:
-        scatter = _add(scatter, mean.power, count)
-        if count >= params.least_periods and _is_known(params, rows, scatter, count):
+        scatter = add_period(scatter, mean.power, count)
+        if count >= params.least_periods and is_known(params, rows, scatter, count):
             flags = WAIT_KNOWN
         if flags != 0 or count >= params.most_periods:
-            rows = _after_row(rows, scatter, count)
+            rows = after_row(rows, scatter, count)
     elif transient.known == 1 and count > 1 and _is_settled(phase, transient, mean, rows):
         flags = WAIT_SETTLED
     samples, sums = 1.0 - weight, _sum(_ZERO, now, 1.0 - weight)
@@ -234,7 +235,7 @@ def _after(transient: Transient, mean: Mean) -> Transient:
     return Transient(mean, 1, _distance(mean, last), abs(mean.power - last.power))
 
 
-def _add(scatter: Scatter, power: float, count: int) -> Scatter:
+def add_period(scatter: Scatter, power: float, count: int) -> Scatter:
     """Return the scatter with the mean power of one more period, the one with number ``count``.
 
     Welford's recurrence.
@@ -259,21 +260,26 @@ def _variance(rows: Rows, scatter: Scatter, count: int) -> tuple[float, int]:
     return squares / freedom, freedom
 
 
-def _is_known(params: Params, rows: Rows, scatter: Scatter, count: int) -> bool:
-    """Return whether the power of a row is known well enough after so many periods."""
+def is_precise(params: Params, rows: Rows, scatter: Scatter, count: int) -> bool:
+    """Return whether the standard error after ``count`` periods is within the precision."""
     variance, freedom = _variance(rows, scatter, count)
-    variance = variance / count  # of the mean
     precision = params.precision_of_best * abs(rows.best) if rows.best < inf else 0.0
     precision = precision if precision > params.precision else params.precision
-    if freedom >= LEAST_FREEDOM and variance <= precision * precision:
+    return freedom >= LEAST_FREEDOM and variance / count <= precision * precision
+
+
+def is_known(params: Params, rows: Rows, scatter: Scatter, count: int) -> bool:
+    """Return whether the power of a row is known well enough after so many periods."""
+    if is_precise(params, rows, scatter, count):
         return True
+    variance, freedom = _variance(rows, scatter, count)
     if params.ends_worse == 0 or freedom < LEAST_FREEDOM or not rows.best < inf:
         return False
-    allowed = quantile(freedom) * sqrt(variance + rows.variance)
+    allowed = quantile(freedom) * sqrt(variance / count + rows.variance)
     return scatter.mean - rows.best > allowed
 
 
-def _after_row(rows: Rows, scatter: Scatter, count: int) -> Rows:
+def after_row(rows: Rows, scatter: Scatter, count: int) -> Rows:
     """Return what the rows have shown, with one more of ``count`` periods."""
     variance, _ = _variance(rows, scatter, count)
     best, best_variance = rows.best, rows.variance

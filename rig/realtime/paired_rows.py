@@ -168,11 +168,16 @@ def _batch(ring: tuple[float, ...], first: int) -> float:
     return 0.5 * (ring[first] + ring[first + 1])
 
 
-def _is_known(params: Params, estimate: Estimate, best: Estimate, batches: int) -> bool:
-    """Return whether the power of a row is known well enough after so many batches."""
+def is_precise(params: Params, estimate: Estimate, best: Estimate, batches: int) -> bool:
+    """Return whether the standard error of an estimate is within the precision."""
     precision = params.precision_of_best * abs(best.power) if best.power < inf else 0.0
     precision = precision if precision > params.precision else params.precision
-    if batches >= LEAST_PRECISE and estimate.variance <= precision * precision:
+    return batches >= LEAST_PRECISE and estimate.variance <= precision * precision
+
+
+def _is_known(params: Params, estimate: Estimate, best: Estimate, batches: int) -> bool:
+    """Return whether the power of a row is known well enough after so many batches."""
+    if is_precise(params, estimate, best, batches):
         return True
     if params.ends_worse == 0 or not best.power < inf:
         return False

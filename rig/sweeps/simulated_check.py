@@ -90,6 +90,7 @@ def _simulate(
         campaign=campaign,
         planned=sum(each.planned for each in stages),
         rows=tuple(row for each in stages for row in each.rows),
+        seconds=sum(each.seconds for each in stages),
         reason=next((each for each in reasons if each != Reason.PLAN_END.name), stages[-1].reason),
     )
 

@@ -343,7 +343,10 @@ def test_plot_as_a_command(runs: Path, tmp_path: Path) -> None:
             [*surface, "--left-out", "bus_voltage=7"],
             "bus voltage 7 V is not in the campaign; allowed 60 V",
         ),
-        (["--station", "shore"], "unknown station 'shore'; allowed mechanical, shaft, ac, dc"),
+        (
+            ["--station", "shore"],
+            "unknown station 'shore'; allowed mechanical (column",
+        ),
         (["--sort", "size"], "allowed run, power"),
         (["--sort", "run", "-f", "power.*"], "give options of one of them"),
     ):

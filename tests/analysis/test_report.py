@@ -17,10 +17,13 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from rig.analysis import report, traces
+from rig.analysis.page import has_few_chosen
 from rig.analysis.report import after_run, analyse, write_products
-from rig.analysis.rows import row_table
-from rig.analysis.summary import as_text, format_rows
+from rig.analysis.rows import COMPLETE, NOT_RUN, row_table
+from rig.analysis.summary import as_text
+from rig.analysis.surfaces import draw_surfaces
 from rig.analysis.traces import decimate, write_traces
+from rig.config.problems import format_rows
 from rig.kinds.wavebot.tick.reasons import WaveBotReason
 from rig.presentation.phrases import (
     format_power,
@@ -205,6 +208,31 @@ def test_an_adaptive_campaign_with_few_rows_has_no_surfaces(tmp_path: Path) -> N
             names = {path.name for path in write_products(run)}
         assert ("surfaces.png" in names) == drawn
         assert "summary.png" in names
+
+
+def test_an_adaptive_campaign_whose_rows_span_no_surface_has_none(tmp_path: Path) -> None:
+    """A third of the candidates, all at one Kp; in a panel beside a surface they are dots."""
+    plan = synthetic.plan_json(ROWS, SHAPE)
+    run = synthetic.write_run(tmp_path / "run", synthetic.run_rows(ROWS, SHAPE), plan)
+    table, summary = row_table(run), analyse(run).summary
+    springs = table["spring_rate"].values
+    at_one_kp = table["kp"].values == table["kp"].values[0]
+    one_spring = springs == np.unique(springs)[0]
+
+    def measured(rows: Any) -> Any:
+        state = np.where(rows, COMPLETE, NOT_RUN)
+        return table.assign(state=("row", state))
+
+    chosen = summary._replace(choices=("some rows were chosen",))
+    assert has_few_chosen(chosen, measured(at_one_kp))
+    assert not has_few_chosen(summary, measured(at_one_kp))
+    assert not has_few_chosen(chosen, measured(at_one_kp | one_spring))
+    figure = Figure(layout="constrained")
+    draw_surfaces(figure, measured(at_one_kp | one_spring), 8.0)
+    texts = [[text.get_text() for text in axes.texts] for axes in figure.axes]
+    assert sum("too few points for a surface" in each for each in texts) == 4  # a station each
+    lines = [line for axes in figure.axes for line in axes.lines]
+    assert not any(line.get_marker() == "x" or line.get_linestyle() == "-" for line in lines)
 
 
 def test_refused_run_reports_its_reason(tmp_path: Path) -> None:

@@ -184,7 +184,7 @@ def test_the_check_shows_at_most_so_many_rows(write: Any) -> None:
     report = check_campaign(write(ADAPTIVE + ONE_SPRING))
     text = report.text()
     assert "at most 3 of 4 points" in text
-    assert "at least 2 rows, until the expected loss of dc power is within 0.3 W" in text
+    assert "at least 2 rows, until the expected loss at electrical DC [dc] is within 0.3 W" in text
     assert "from nothing" in text
     assert json.loads(report.to_json())["adaptive"]["max_rows"] == 3
 
@@ -226,7 +226,9 @@ def test_campaigns_whose_rows_cannot_be_chosen(
         (
             "precision_w: 1, station: dx",
             "adaptive.station",
-            "unknown station 'dx'; allowed mechanical, shaft, ac, dc",
+            "unknown station 'dx'; allowed mechanical (column load cell) [mechanical_1], "
+            "mechanical (shaft torque sensor) [mechanical_2], electrical AC [ac], "
+            "electrical DC [dc]",
         ),
         ("precision_w: 1, first_rows: 5", "matrix", "4 candidates; allowed 5 (first_rows) .. 1500"),
     ],

@@ -1,8 +1,7 @@
 """Power stations: the code of a table, its means over the measured ticks, and refused tables."""
 
-from __future__ import annotations
-
 import math
+import re
 from typing import Any
 
 import pytest
@@ -110,9 +109,25 @@ def test_a_recorded_table_is_read_back_and_may_hold_other_fields() -> None:
     assert from_records([{**each, "later": 1} for each in records]) == STATIONS
 
 
-def test_a_station_is_found_by_name_and_alias() -> None:
+@pytest.mark.parametrize(
+    "name",
+    ["mechanical_1", "mechanical", "mech 1", "Mech 1", "mechanical (column load cell)",
+     "power_mechanical_1"],
+)  # fmt: skip
+def test_a_station_is_found_by_id_and_labels(name: str) -> None:
+    assert find(STATIONS, name) == STATIONS[0]
+
+
+def test_an_unknown_station_is_refused_with_labels_and_ids() -> None:
     assert find(STATIONS, "shaft") == find(STATIONS, "mechanical_2") == STATIONS[1]
-    with pytest.raises(
-        ValueError, match="unknown station 'sun'; allowed mechanical, shaft, ac, dc"
-    ):
+    allowed = ", ".join(f"{station.label} [{station.name}]" for station in STATIONS)
+    with pytest.raises(ValueError, match=re.escape(f"unknown station 'sun'; allowed {allowed}")):
         find(STATIONS, "sun")
+    twins = [each._replace(label="tether") for each in STATIONS[2:]]
+    with pytest.raises(ValueError, match="ambiguous station 'tether'"):
+        find(twins, "tether")
+
+
+def test_an_id_counts_before_a_label() -> None:
+    other = STATIONS[3]._replace(label="ac")
+    assert find([other, STATIONS[2]], "ac") == STATIONS[2]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import record_files as files
+from command_here import rig
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
@@ -218,6 +219,24 @@ def test_lists_of_runs(tmp_path: Path) -> None:
     assert "run.json is not readable" in problems["bad_json"]
     assert listed["no_end"].started_utc == "2025-10-09T08:53:20Z"
     assert list_runs(tmp_path / "nowhere") == []
+
+
+def test_a_refused_run_is_listed_with_the_reason_of_its_status(tmp_path: Path) -> None:
+    status_file = {"status": "refused", "reason": "the host did not grant core", "run": "x"}
+    for name, files_of in (("x", {}), ("y", {"run.mcap": b""})):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "run.json").write_text(json.dumps(status_file | {"record": "unfinished"}))
+        (folder / "config.json").write_text("{}")
+        for file, content in files_of.items():
+            (folder / file).write_bytes(content)
+    before, with_record = list_runs(tmp_path)
+    assert (before.status, before.reason) == ("refused", "the host did not grant core")
+    assert (before.problem, before.record) == ("", "")
+    assert with_record.problem == "the MCAP file is empty"
+    done = rig("runs", "--runs", tmp_path)
+    assert "the host did not grant core" in done.stdout
+    assert "no run.mcap" not in done.stdout
 
 
 def process_start(pid: int) -> int:

@@ -160,10 +160,12 @@ def test_all_candidates_can_be_measured(tmp_path: Path) -> None:
 
 def test_without_scikit_learn_the_run_does_not_start(tmp_path: Path) -> None:
     path, runs = write_campaign(tmp_path), tmp_path / "runs"
-    command = [sys.executable, "-c", WITHOUT_SKLEARN, "run", str(path), "--runs", str(runs)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert "`pip install wec-rig[adaptive]`" in done.stderr
+    for name in ("check", "run"):
+        command = [sys.executable, "-c", WITHOUT_SKLEARN, name, str(path), "--runs", str(runs)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        message = "adaptive: scikit-learn is not installed; `pip install wec-rig[adaptive]` adds it"
+        assert message in done.stdout + done.stderr
     assert not runs.exists()
 
 
@@ -174,8 +176,12 @@ def test_a_law_without_prediction_needs_a_start_from_nothing(tmp_path: Path) -> 
     path = write_campaign(tmp_path, law={"use": "latching", **hold}, matrix={"list": rows})
     done = rig("run", path, "--runs", tmp_path / "runs")
     assert done.returncode == 2, done.stdout
-    assert "adaptive.start: there is no prediction of these rows" in done.stderr
-    assert "allowed nothing" in done.stderr
+    checked = rig("check", path)
+    assert checked.returncode == 2
+    assert "the campaign cannot be run" in checked.stdout
+    for shown in (done.stdout + done.stderr, checked.stdout + checked.stderr):
+        assert "adaptive.start: there is no prediction of these rows" in shown
+        assert "allowed nothing" in shown
     assert not (tmp_path / "runs").exists()
 
 

@@ -11,8 +11,11 @@ import pytest
 from command_here import rig
 from made_once import made_once
 from rehearsing import CONFIGS, write_yaml
+from scipy.stats import t as student_t
 
+from rig.analysis.cut_rows import cut_message
 from rig.analysis.points import error_source, gain_matrix
+from rig.analysis.row_ends import FULL, PRECISE, WORSE
 from rig.analysis.rows import COMPLETE, row_table
 from rig.config.problems import ConfigError
 from rig.execution.replay import replay
@@ -95,6 +98,23 @@ def test_rows_end_early_and_their_powers_are_those_of_the_whole_period(
     assert abs(window_mean - truth["power_dc"].values[1]) > 10.0 * abs(
         table["power_dc"].values[1] - truth["power_dc"].values[1]
     )
+
+
+def test_the_table_gives_the_reason_for_the_end_of_each_row(measured: Path) -> None:
+    """The rule of each reason by Student's distribution of scipy."""
+    table = row_table(measured)
+    reasons, batches = table["end_reason"].values.tolist(), table["batches"].values
+    power, error = table["power_dc"].values, table["power_dc_se"].values
+    assert reasons[0] == FULL
+    assert table.attrs["end_station"] == "dc"
+    assert {PRECISE, WORSE} <= set(reasons)
+    for row in range(1, len(KP_KI)):
+        is_precise = batches[row] >= 8 and error[row] <= END["precision_w"]
+        above = power[row] - power[:row].min()
+        allowed = student_t.ppf(0.995, batches[row] - 2) * error[row]
+        assert reasons[row] == (PRECISE if is_precise else WORSE)
+        assert is_precise or above > 0.99 * allowed, row
+    assert cut_message(table).startswith(f"Row{'s' * (reasons.count(WORSE) > 1)} ")
 
 
 def test_interpreted_and_compiled_the_rows_end_on_the_same_ticks(measured: Path) -> None:

@@ -12,6 +12,7 @@ from command_here import rig
 from made_once import made_once
 from rehearsing import CONFIGS, write_yaml
 
+from rig.analysis.row_ends import PRECISE
 from rig.analysis.rows import COMPLETE, row_table
 from rig.config.problems import ConfigError
 from rig.execution.replay import replay
@@ -79,6 +80,11 @@ def test_rows_end_early_with_the_powers_of_long_ones(measured: Path, tmp_path: P
         assert (difference <= bound).all(), (name, difference)
 
 
+def test_the_table_gives_the_reason_for_the_end_of_each_row(measured: Path) -> None:
+    """The simulated powers hardly scatter, so each row is precise as soon as that can be known."""
+    assert row_table(measured)["end_reason"].values.tolist() == [PRECISE] * len(KI)
+
+
 def test_each_segment_is_of_whole_periods(measured: Path) -> None:
     data = open_run(measured, fields=["plan"])
     row, phase = data["plan.row"].values, data["plan.phase"].values
@@ -117,13 +123,53 @@ def test_the_plan_and_the_check_have_least_and_longest_times(
     assert "4 s = 2 periods to 16 s = 8 periods per row" in shown
 
 
+def test_the_expected_duration_is_that_of_the_rehearsal(measured: Path, tmp_path: Path) -> None:
+    """An assumed scatter of zero gives the same; a large one the longest measurement of each row.
+
+    The first row needs five periods for its four degrees of freedom, the others the least two.
+    """
+    path = write_campaign(tmp_path)
+    ticks = int(open_run(measured, fields=["tick"])["tick"].values[-1]) + 1
+    measured_s = PERIOD_S * float(row_table(measured)["periods"].values.sum())
+
+    def expected(*options: str) -> dict[str, Any]:
+        found = rig("check", path, "--simulate", "--json", *options)
+        assert found.returncode == 0, found.stderr
+        return dict(json.loads(found.stdout))
+
+    simulated = expected()
+    assert simulated["expected_duration_s"] == pytest.approx(1e-3 * ticks, abs=0.05)
+    assert simulated["least_duration_s"] < simulated["expected_duration_s"]
+    assert simulated["expected_duration_s"] < simulated["duration_s"]
+    even = expected("--scatter", "0")
+    assert even["expected_duration_s"] == pytest.approx(simulated["expected_duration_s"])
+    wide = expected("--scatter", "1e5")
+    longest = simulated["expected_duration_s"] - measured_s + len(KI) * 8 * PERIOD_S
+    assert wide["expected_duration_s"] == pytest.approx(longest, abs=2.0)
+    assert wide["assumed_scatter_w"] == 1e5
+    low, high = wide["expected_interval_s"]
+    assert low <= wide["expected_duration_s"] <= high + 1e-3
+
+
+def test_an_assumed_scatter_needs_rows_that_it_can_end(tmp_path: Path) -> None:
+    for options, keys, text in (
+        ((), MEASURED, "--scatter needs the simulated rows: add --simulate"),
+        (("--simulate",), FIXED, "--scatter is for rows in a regular sea that end by their power"),
+    ):
+        path = write_campaign(tmp_path, **keys)
+        done = rig("check", path, "--scatter", "0.5", *options)
+        assert done.returncode == 2
+        assert text in done.stderr
+
+
 @pytest.mark.parametrize(
     ("keys", "text"),
     [
         ({"timing": {"end": {}}}, "timing.end: nothing ends a row; give precision_w"),
         (
             {"timing": {"end": {"precision_w": 1, "station": "foo"}}},
-            "timing.end.station: unknown station 'foo'; allowed mechanical, shaft, ac, dc",
+            "timing.end.station: unknown station 'foo'; allowed mechanical (column load cell) "
+            "[mechanical_1]",
         ),
         (
             {"timing": {"settle": "measured", "interval_s": 20}},

@@ -329,6 +329,9 @@ def _list_entry(path: Path) -> RunListEntry:
     except (RunError, OSError) as error:
         problem = str(error)
     state = str(found.status.get("status") or "unknown")
+    record = str(found.status.get("record", ""))
+    if state == "refused" and not mcaps:  # it never began: the reason of its status counts
+        problem = record = ""
     if state == "running" and _is_abandoned(found.status, mcaps):
         state = "abandoned"
         problem = "; ".join(filter(None, (_ABANDONED, problem)))
@@ -344,7 +347,7 @@ def _list_entry(path: Path) -> RunListEntry:
         reason=str(found.status.get("reason", "")),
         size=size,
         problem=problem,
-        record=str(found.status.get("record", "")),
+        record=record,
     )
 
 

@@ -16,7 +16,7 @@ from rig.kinds.wavebot.recommend.picture import write_surfaces
 from rig.kinds.wavebot.recommend.recommendation import RecommendOptions, recommend
 from rig.kinds.wavebot.recommend.set_points import STATIONS as PREDICTED
 from rig.kinds.wavebot.tick.stations import STATIONS
-from rig.stations import find, option_names, shown
+from rig.stations import find, shown, station_names
 
 _RUNS = (
     "A run in calm water with an open-loop reference, then later runs in waves and wave "
@@ -26,7 +26,7 @@ _OTHER_KINDS = (
     "on any rig with power stations, a campaign with `adaptive:` looks for the best row itself: "
     "`rig copy adaptive` has an example"
 )
-_NAMES = ", ".join(option_names(shown(STATIONS)))
+_NAMES = ", ".join(station_names(shown(STATIONS)))
 
 
 def command(
@@ -36,7 +36,8 @@ def command(
         typer.Option(help="Campaign with sea and rig (default: of the last run in waves)."),
     ] = None,
     best: Annotated[
-        str, typer.Option("--for", help=f"Station whose power to maximise, e.g. {_NAMES}.")
+        str,
+        typer.Option("--for", help=f"Station whose power to maximise, by id ({_NAMES}) or label."),
     ] = STATIONS[-1].name,
     rows: Annotated[int, typer.Option(min=1, max=200, help="Largest number of rows.")] = 12,
     spring: Annotated[

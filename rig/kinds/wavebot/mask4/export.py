@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from rig.analysis.row_ends import END_REASON, WORSE
 from rig.analysis.rows import COMPLETE, columns_of, row_table, stations_of
 from rig.analysis.uncertainty import UNCERTAIN
 from rig.config.matrix import END_MARK
@@ -250,7 +251,10 @@ def _row_bus(run: Path) -> Structure:
     powers = [f"power_{station.name}{part}" for station in stations_of(table) for part in parts]
     settings = [column.name for column in columns_of(table)]
     names = [name for name in ("row", "periods", *settings, *powers) if name in table]
-    return {ROW_BUS: {name: to_column(table[name].values[complete]) for name in names}}
+    values = {name: table[name].values for name in names}
+    if END_REASON in table:
+        values["ended_early"] = table[END_REASON].values == WORSE
+    return {ROW_BUS: {name: to_column(each[complete]) for name, each in values.items()}}
 
 
 def to_column(values: Any) -> npt.NDArray[np.float64]:

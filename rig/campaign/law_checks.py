@@ -46,29 +46,46 @@ class _Trial(NamedTuple):
     error: str  # of the tick after the last force; empty: none
 
 
-def trial_problems(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
-    """Yield the first problem of a law in each trial that fails, at most one of each sort.
+class LawTrials(NamedTuple):
+    """What the trials of a campaign's laws found."""
+
+    problems: tuple[Problem, ...]  # of a law in its trials, at most one of each sort
+    warnings: tuple[Problem, ...]  # laws that drive the body at every set point
+
+
+def run_trials(campaign: AnyCampaign, planned: AnyPlan) -> LawTrials:
+    """Try each set point of each law twice; return problems and warnings.
 
     The impedance law needs no trial: its arithmetic has tests of its own.
     """
+    problems, warnings = list[Problem](), list[Problem]()
     for axis, axis_law in campaign.axis_laws.items():
         law = axis_law.law
         if law.module is IMPEDANCE.module:
             continue
-        found: set[str] = set()
+        key, found = law_key(campaign.axis_laws, axis), set[str]()
+        powers = list[tuple[float, CampaignRow[Any]]]()
         for row in _tried_rows(axis_law, planned):
-            sort, message = _examine(campaign, axis, planned, row)
+            trial, other = (_run(campaign, axis, planned, row) for _ in range(2))
+            powers.append((trial.power, row))
+            sort, message = _examine(law.name, trial, other)
             if sort and sort not in found:
                 found.add(sort)
                 message = f"{message} ({_text(axis_law, row)})"
-                yield campaign.locate.problem(law_key(campaign.axis_laws, axis), law.name, message)
+                problems.append(campaign.locate.problem(key, law.name, message))
+        power, row = min(powers, key=lambda each: each[0])
+        if not found and power > 0.0 and not law.is_own:
+            message = (
+                "the law drives the body in its trial at every set point: force times velocity is "
+                f"+{power:.3g} W or more, and negative power is absorbed; check its sign "
+                f"({_text(axis_law, row)})"
+            )
+            warnings.append(campaign.locate.problem(key, law.name, message))
+    return LawTrials(tuple(problems), tuple(warnings))
 
 
-def law_warnings(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
-    """Yield what people should know of laws that are not wec-rig's own, before they run.
-
-    These are broken rules of the code by their line, and a law that drives the body.
-    """
+def rule_warnings(campaign: AnyCampaign) -> Iterator[Problem]:
+    """Yield the broken rules of laws that are not wec-rig's own, by their line."""
     for axis, axis_law in campaign.axis_laws.items():
         key = law_key(campaign.axis_laws, axis)
         for law in axis_law.law.members:
@@ -76,26 +93,6 @@ def law_warnings(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
                 continue
             for finding in rule_findings(law):
                 yield campaign.locate.problem(key, law.name, f"{finding}; {_BROKEN}")
-        yield from _driving_warnings(campaign, axis, planned)
-
-
-def _driving_warnings(campaign: AnyCampaign, axis: str, planned: AnyPlan) -> Iterator[Problem]:
-    """Yield a warning if no set point of a law absorbs power in its trial."""
-    axis_law = campaign.axis_laws[axis]
-    if axis_law.law.is_own:
-        return
-    powers = [
-        (_run(campaign, axis, planned, row).power, row) for row in _tried_rows(axis_law, planned)
-    ]
-    power, row = min(powers, key=lambda each: each[0])
-    if power > 0.0:
-        yield campaign.locate.problem(
-            law_key(campaign.axis_laws, axis),
-            axis_law.law.name,
-            "the law drives the body in its trial at every set point: force times velocity is "
-            f"+{power:.3g} W or more, and negative power is absorbed; check its sign "
-            f"({_text(axis_law, row)})",
-        )
 
 
 def compilation_problems(
@@ -173,12 +170,8 @@ def _tried_rows(axis_law: AxisLaw, planned: AnyPlan) -> list[CampaignRow[Any]]:
     return [rows[round(i * last / (MAX_SET_POINTS - 1))] for i in range(MAX_SET_POINTS)]
 
 
-def _examine(
-    campaign: AnyCampaign, axis: str, planned: AnyPlan, row: CampaignRow[Any]
-) -> tuple[str, str]:
-    """Return sort and message of the first problem of a row's set point; empty without one."""
-    first, second = (_run(campaign, axis, planned, row) for _ in range(2))
-    name = campaign.axis_laws[axis].law.name
+def _examine(name: str, first: _Trial, second: _Trial) -> tuple[str, str]:
+    """Return sort and message of the first problem in two equal trials; empty without one."""
     for tick, (one, other) in enumerate(zip(first.forces, second.forces, strict=False)):
         if not finite(one):
             return "force", f"the law {name} demands {one} in tick {tick} of a trial"

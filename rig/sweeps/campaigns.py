@@ -24,7 +24,7 @@ from rig.campaign import (
     resolved_config,
 )
 from rig.campaign.equilibrium import EquilibriumCheck
-from rig.campaign.law_checks import compilation_problems, trial_problems
+from rig.campaign.law_checks import compilation_problems, run_trials
 from rig.campaign.simulated_rows import NOT_SETTLED, row_results
 from rig.config.problems import ConfigError, Problem, format_value
 from rig.planning.input_files import InputFile, MappingLoader
@@ -192,7 +192,7 @@ class CampaignTasks:
         if self._lead_in is not None:
             for parameter in parameters:
                 _check_start(parameter, self._lead_in)
-        law_problems = list(trial_problems(campaign, task.plan))
+        law_problems = list(run_trials(campaign, task.plan).problems)
         if not law_problems:
             law_problems += compilation_problems(campaign, task.plan.dt, _NOT_COMPILED)
         if law_problems:

@@ -14,6 +14,7 @@ from rig_command import rig_here
 from test_adding_a_law import PAGE, check, write_example
 
 from rig import laws, plug_ins
+from rig.campaign import law_checks
 from rig.kinds.wavebot.tick import KIND, find_kind
 from tests.docs.blocks import file_of
 
@@ -202,6 +203,16 @@ def test_a_law_that_drives_the_body_is_a_warning(write: Write) -> None:
     found = check(write("force + reference", "-force + reference"))[1]["warnings"]
     (text,) = [each["message"] for each in found if "drives the body" in each["message"]]
     assert "force times velocity is +" in text
+
+
+def test_each_set_point_is_tried_twice(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Problems and warnings come from the same two trials."""
+    path, tried = write(), list[Any]()
+    swing = law_checks._swing
+    monkeypatch.setattr(law_checks, "_swing", lambda *given: tried.append(given) or swing(*given))
+    report = check(path)[1]
+    assert report["ok"]
+    assert len(tried) == 2 * report["rows"] > 0
 
 
 def test_a_unit_that_contradicts_its_key_is_refused(write: Write) -> None:

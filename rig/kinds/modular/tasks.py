@@ -6,7 +6,7 @@ from typing import Any
 
 from rig.campaign import AnyCampaign, AnyPlan, CheckReport, resolved_config
 from rig.campaign.equilibrium import NoEquilibrium, equilibrium_problems
-from rig.campaign.law_checks import compilation_problems, law_warnings
+from rig.campaign.law_checks import compilation_problems, rule_warnings
 from rig.campaign.record import law_source, plan_record, reference_record
 from rig.campaign.set_points import row_setting
 from rig.config.problems import Problem
@@ -43,7 +43,7 @@ def examine(
     unstable = _points_without_equilibrium(campaign)
     if refused := tuple(problem for problem, can_run in unstable if not can_run):
         return CheckReport(path, refused, None, None)
-    law_texts = tuple(law_warnings(campaign, report.plan))
+    law_texts = (*rule_warnings(campaign), *report.law_warnings)
     not_compiled = tuple(compilation_problems(campaign, report.plan.dt))
     plant_warnings = (*_plant_warnings(campaign), *(problem for problem, _ in unstable))
     return report._replace(

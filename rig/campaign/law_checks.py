@@ -23,6 +23,7 @@ from rig.config.law_settings import IMPEDANCE, AxisLaw, law_model
 from rig.config.problems import Problem
 from rig.config.ranges import unit_of_key
 from rig.config.reference import AnyReference, Reference
+from rig.config.unit_factors import factor_note, key_unit, si_unit
 from rig.config.yaml_source import KeyPath
 from rig.design.law_params import law_params
 from rig.planning.reference import repeat_ticks
@@ -125,12 +126,8 @@ def law_problems(parts: CampaignParts, ramps: Mapping[str, float]) -> Iterator[P
     for axis, axis_law in axis_laws.items():
         columns: list[Column | Parameter] = [*axis_law.law.columns, *axis_law.law.parameters]
         for each in columns:
-            if (unit := unit_of_key(each.key)) not in ("", each.unit):
-                yield source.locate.problem(
-                    law_key(axis_laws, axis),
-                    axis_law.law.name,
-                    f"the key {each.key} ends with the unit {unit}, but its unit is {each.unit!r}",
-                )
+            if message := _unit_message(each):
+                yield source.locate.problem(law_key(axis_laws, axis), axis_law.law.name, message)
         key, given = law_key(axis_laws, axis), source.mapping.get("law", {})
         if len(axis_laws) > 1:
             given = given.get(axis, {}) if isinstance(given, dict) else {}
@@ -143,6 +140,18 @@ def law_problems(parts: CampaignParts, ramps: Mapping[str, float]) -> Iterator[P
                 yield source.locate.problem(
                     (*key, "zc") if "zc" in mapping else key, None, str(error)
                 )
+
+
+def _unit_message(entry: Column | Parameter) -> str:
+    """Return why a unit is not SI, or contradicts the end of its key; empty if it does not."""
+    if note := factor_note(entry.unit, [si_unit(entry.unit)]):
+        return f"the unit of {entry.key} is {entry.unit!r}, and laws have SI units: {note}"
+    if (unit := unit_of_key(entry.key)) in ("", entry.unit):
+        return ""
+    ending = key_unit(entry.key) or unit
+    message = f"the key {entry.key} ends with the unit {ending}, but its unit is {entry.unit!r}"
+    note = factor_note(ending, [entry.unit])
+    return f"{message}: {note}" if note else message
 
 
 def reference_problems(parts: CampaignParts) -> Iterator[Problem]:

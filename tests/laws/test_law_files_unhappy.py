@@ -216,8 +216,26 @@ def test_each_set_point_is_tried_twice(write: Write, monkeypatch: pytest.MonkeyP
 
 
 def test_a_unit_that_contradicts_its_key_is_refused(write: Write) -> None:
-    message = only_problem(write('"N*s/m"', '"kN*s/m"'))["message"]
-    assert "ends with the unit N*s/m, but its unit is 'kN*s/m'" in message
+    message = only_problem(write('"N*s/m"', '"N*s"'))["message"]
+    assert message == "the key c0_n_s_per_m ends with the unit N*s/m, but its unit is 'N*s'"
+
+
+@pytest.mark.parametrize("key", ["c0_n_s_per_m", "c0_kn_s_per_m", "c0"])
+def test_a_multiple_of_an_si_unit_is_refused_with_its_factor(key: str, write: Write) -> None:
+    law = GOOD.replace('"c0_n_s_per_m", "c0", "N*s/m"', f'"{key}", "c0", "kN*s/m"')
+    path = write(law=law)
+    path.write_text(path.read_text().replace("c0_n_s_per_m", key))
+    assert only_problem(path)["message"] == (
+        f"the unit of {key} is 'kN*s/m', and laws have SI units: "
+        "write the value in N*s/m, 1 kN*s/m = 1000 N*s/m"
+    )
+    law = GOOD.replace('"c0_n_s_per_m"', '"c0_kn_s_per_m"')
+    path = write(law=law)
+    path.write_text(path.read_text().replace("c0_n_s_per_m", "c0_kn_s_per_m"))
+    assert only_problem(path)["message"] == (
+        "the key c0_kn_s_per_m ends with the unit kN*s/m, but its unit is 'N*s/m': "
+        "write the value in N*s/m, 1 kN*s/m = 1000 N*s/m"
+    )
 
 
 def test_any_exception_of_params_is_named_with_its_line(write: Write) -> None:

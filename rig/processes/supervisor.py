@@ -452,7 +452,8 @@ class SupervisedRun:
         row = self._latest_row()
         reason = self._reasons.name(int(row.get("safety.reason", NO_REASON)))
         people = self._orders.describe()
-        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason, people)
+        compiling = self._compiler is not None and self._compiler.running
+        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason, people, compiling)
 
     def _latest_row(self) -> dict[str, float | int]:
         packed = self._ring.latest()

@@ -241,9 +241,9 @@ def _warnings(
         warnings.append(f"DIFFERENT EXECUTION MODES: {modes}")
     if matched.axes_differ:
         alone = (matched.alone_a, matched.alone_b)
-        texts = [", ".join(column.label for column in columns) for columns in alone]
+        axes = [", ".join(column.label for column in columns) for columns in alone]
         warnings.append(
-            f"DIFFERENT AXES: A alone varies {texts[0]}; B alone varies {texts[1]}; the best "
+            f"DIFFERENT AXES: A alone varies {axes[0]}; B alone varies {axes[1]}; the best "
             "points are compared"
         )
     elif not matched.pairs:

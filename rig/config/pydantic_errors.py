@@ -111,6 +111,8 @@ def _translate(
         fault = _ERROR_TEXTS.get(kind, "")
         if kind.startswith(("value_error", "assertion_error")):
             key, value, message = _named_key(key, value, str(item["ctx"]["error"]), locate)
+        elif kind == "unit":  # of the plant of coupled modes
+            message = item["msg"] + _unit_note(item["ctx"]["given"], item["ctx"]["allowed"])
         elif not fault:
             message = f"{format_value(value)}: {item['msg']}"
         else:

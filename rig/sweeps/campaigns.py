@@ -27,6 +27,7 @@ from rig.campaign.equilibrium import EquilibriumCheck
 from rig.campaign.law_checks import compilation_problems, run_trials
 from rig.campaign.simulated_rows import NOT_SETTLED, row_results
 from rig.config.problems import ConfigError, Problem, format_value
+from rig.config.yaml_source import KeyPath
 from rig.planning.input_files import InputFile, MappingLoader
 from rig.planning.point import Point
 from rig.planning.windows import repeat_period
@@ -60,6 +61,10 @@ class CampaignTask:
         self.campaign, self.lead_in = all_rows(campaign), lead_in
         self.name, self.plant = str(campaign.file.name), campaign.plant
         self.validity_warnings = campaign.validity_warnings
+
+    def plant_unit(self, path: KeyPath) -> str:
+        """Return the unit of a plain number of the plant file; empty if it has none."""
+        return simulation_of(self.campaign).plant_unit(self.campaign, path)
 
     @cached_property
     def plan(self) -> AnyPlan:

@@ -6,7 +6,7 @@ sweep accepts exactly the values that the file accepts.
 """
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -238,15 +238,16 @@ def _with_option_key(problem: Problem, parameter: SweepParameter, noun: str) -> 
     return problem._replace(key=key, message=message)
 
 
-def parameter_unit(parameter: SweepParameter, plant: Mapping[str, Any]) -> str:
+def parameter_unit(parameter: SweepParameter, task: SweepTask) -> str:
     """Return the unit of a parameter; empty for text and dimensionless numbers."""
     # The path of a plant value ends with `value`, or with `value` and the index in a list.
     if parameter.file == "plant" and "value" in parameter.path:
-        entry: Any = plant
+        entry: Any = task.plant
         for part in parameter.path[: parameter.path.index("value")]:
             entry = entry[part]
         return str(entry.get("unit", ""))
-    return unit_of_path(parameter.path)
+    unit = unit_of_path(parameter.path)
+    return unit or (task.plant_unit(parameter.path) if parameter.file == "plant" else "")
 
 
 def unit_of_path(path: Sequence[str | int]) -> str:

@@ -6,6 +6,7 @@ values. If the axes do not vary, the two columns with most values replace them. 
 scattered for slices is drawn as single points without interpolation.
 """
 
+import json
 import textwrap
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,7 +37,7 @@ from rig.analysis.slices import (
 )
 from rig.presentation import picture
 from rig.presentation.picture import DARK
-from rig.row_contents import Column, X, Y, main_columns
+from rig.row_contents import MATCH, Column, X, Y, main_columns
 
 NO_POINTS = Matrix((), ())
 _HEADING_LETTERS = 40  # per line of a panel's heading
@@ -159,6 +160,8 @@ def draw_surfaces(
         if i == 0 and any(headings):
             for axes, title in zip(grid[i], headings, strict=True):
                 panel.add_heading(axes, title, panel.count_lines(captions), compact=compact)
+    for axes, slice_ in zip(grid[0], slices[0], strict=True):
+        panel.mark_match(axes, slice_, json.loads(table.attrs.get(MATCH, "{}")))
     if picture.for_paper() and shape[1] > 1 and len(groups) == 1:
         for axes in grid[:, 1:].flat:  # rows have the same vertical axis
             axes.tick_params(labelleft=False)

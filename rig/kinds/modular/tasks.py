@@ -16,6 +16,7 @@ from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.equilibrium import equilibrium_check
+from rig.kinds.modular.match import impedance_match
 from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding
 from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
 from rig.kinds.modular.row_contents import axis_channels, row_contents
@@ -23,6 +24,7 @@ from rig.kinds.modular.tick import find_kind
 from rig.planning.input_files import ConfigSource
 from rig.planning.point import Point
 from rig.processes.run_types import ExecutionMode, Task
+from rig.row_contents import MATCH
 from sim_plant.modes.building import read_bem
 from sim_plant.modes.parameters import Plant
 
@@ -104,6 +106,8 @@ def _plan_record(campaign: AnyCampaign, plan: AnyPlan) -> dict[str, Any]:
         newtons_per_ampere(motor),
         lambda axis: axis_channels(rig, axis, file.axis_laws.values()),
     )
+    if match := impedance_match(campaign):
+        record[MATCH] = match
     return record | sea_record(campaign)
 
 

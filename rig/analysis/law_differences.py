@@ -34,7 +34,7 @@ class BestOfLaw(NamedTuple):
 
 
 def is_choice(column: Column) -> bool:
-    """Return whether the values of a column are laws: `law`, or `heave_law` of an axis."""
+    """Return whether the values of a column are laws: `law`, or `AXIS_law` of several axes."""
     return bool(column.choices) and (column.key == CHOICE or column.key.endswith(f"_{CHOICE}"))
 
 

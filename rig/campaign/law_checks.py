@@ -48,7 +48,7 @@ class _Trial(NamedTuple):
 
 
 class LawTrials(NamedTuple):
-    """What the trials of a campaign's laws found."""
+    """Findings of the trials of a campaign's laws."""
 
     problems: tuple[Problem, ...]  # of a law in its trials, at most one of each sort
     warnings: tuple[Problem, ...]  # laws that drive the body at every set point

@@ -40,6 +40,8 @@ REGISTRY = Registry(GROUP, "law", OWN_MODULES)
 
 _ARGUMENTS = {"params": 3, "start": 1, "step": 7, "linear": 3}
 _OPTIONAL = ("linear",)
+NAMES = {"COLUMNS", "PARAMETERS", "SetPoint", "Params", "State", "params", "start", "step"}
+"""Names that the module of every law has."""
 
 
 class LawError(ValueError):

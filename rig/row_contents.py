@@ -16,6 +16,9 @@ PANEL, X, Y, LAW, DRIVE, CATEGORICAL = "panel", "x", "y", "law", "drive", "categ
 three are the main columns. `LAW` is any other set point of the control law, `DRIVE` a setting of
 the drive, zero in all rows of a drive without settings; values of `CATEGORICAL` have no order."""
 
+MATCH = "impedance_match"
+"""Key of a plan and attribute of a row table: gains that match the plant's impedance, SI."""
+
 
 class Column(NamedTuple):
     """One quantity that may change from row to row."""

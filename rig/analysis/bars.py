@@ -15,7 +15,8 @@ from matplotlib.patches import Patch
 
 from rig.analysis import labels
 from rig.analysis.cut_rows import cut_note, ended_as_worse
-from rig.analysis.points import PERCENT, Matrix, row_settings, varied_columns
+from rig.analysis.law_differences import is_choice, law_groups
+from rig.analysis.points import PERCENT, Matrix, agrees, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.presentation import phrases, picture
 from rig.presentation.picture import ACCENT, DARK, MUTED
@@ -42,13 +43,20 @@ def varies_drive(matrix: Matrix) -> bool:
 def row_order(table: xarray.Dataset, sort: Sort) -> list[int]:
     """Return the table indices of complete rows in order of the run or of power.
 
-    By power at the last station, the row that absorbs most is first.
+    By power at the last station, the row that absorbs most is first. Rows of one law stand
+    together, in the order of the laws.
     """
     complete = np.flatnonzero(table["state"].values == COMPLETE).tolist()
-    if sort == "run":
-        return list(complete)
-    power = table[f"power_{stations_of(table)[-1].name}"].values
-    return sorted(complete, key=lambda i: float(np.nan_to_num(power[i], nan=np.inf)))
+    if sort == "power":
+        power = table[f"power_{stations_of(table)[-1].name}"].values
+        complete.sort(key=lambda i: float(np.nan_to_num(power[i], nan=np.inf)))
+    settings, choosing = row_settings(table), _choosing(table)
+    return sorted(complete, key=lambda i: [settings[i].get(each.name, 0.0) for each in choosing])
+
+
+def _choosing(table: xarray.Dataset) -> list[Column]:
+    """Return the columns whose values are laws."""
+    return [column for column in columns_of(table) if is_choice(column)]
 
 
 def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
@@ -64,7 +72,9 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
         raise ValueError("no complete row: no bars to draw")
     settings = row_settings(table)
     shown_rows = Matrix((), tuple(settings[i] for i in positions), columns_of(table))
-    columns = sorted(varied_columns(shown_rows), key=lambda column: column.role != DRIVE)
+    laws = law_groups(shown_rows)
+    varied = (column for column in varied_columns(shown_rows) if not is_choice(column))
+    columns = sorted(varied, key=lambda column: column.role != DRIVE)
     stations = shown(stations_of(table))[:-3:-1]
     heights = [_POWER_HEIGHT] * len(stations) + [_SETTING_HEIGHT] * len(columns)
     width = min(_MAX_WIDTH, max(_MIN_WIDTH, 1.6 + 0.17 * len(positions)))
@@ -102,6 +112,9 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     if note := cut_note(table):
         handle = Patch(label=note, edgecolor=_CONSUMED_COLOUR, **_CUT)
         body.legend(handles=[handle], loc="outside lower center", fontsize=8, frameon=False)
+    if len(laws) > 1:
+        members = [[agrees(settings[i], law.choice) for i in positions].count(True) for law in laws]
+        _mark_laws(axes_stack, [law.name for law in laws], members)
     for axes in axes_stack:
         picture.style_axes(axes)
         axes.grid(axis="y", alpha=0.3)
@@ -147,6 +160,27 @@ def _draw_setting(axes: Axes, column: Column, values: Any) -> None:
         axes.set_ylim(0.0, 1.12 * largest)
     parts = filter(None, (column.label.replace(" ", "\n"), labels.display_unit(column)))
     axes.set_ylabel(",\n".join(parts), fontsize=7.5)
+
+
+def _mark_laws(stack: list[Axes], names: list[str], members: list[int]) -> None:
+    """Draw a line through all panels between two laws, and the name of each below its rows."""
+    start = 0
+    for name, number in zip(names, members, strict=True):
+        for axes in stack if start else ():
+            axes.axvline(start - 0.5, color=DARK, lw=0.9, ls="--")
+        stack[-1].annotate(
+            f"law {name}",
+            (start + 0.5 * (number - 1), 0.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, -28),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            fontsize=8,
+            fontweight="bold",
+            color=DARK,
+        )
+        start += number
 
 
 def _mark_best(

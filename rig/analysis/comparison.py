@@ -7,11 +7,15 @@ Points are matched by set point, within a tolerance for each column, on the colu
 least one run and exist in both. A column that varies in neither run is a setting of the whole run;
 a difference is reported, not matched. A drive without settings (a commercial one) has no drive
 columns: every set of drive parameters of one run is then compared with the same point of the other.
+
+Two runs that each vary a column which the other lacks, as under two laws, have different axes: no
+point of one belongs to a point of the other. The comparison is then that of their best points, also
+in each sea that both ran.
 """
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,32 +28,25 @@ from rig.analysis.differences import (
     differences,
     normalised_sea,
     sea_text,
-    shorten,
     unlike_sea_texts,
 )
 from rig.analysis.points import (
     Matrix,
     Point,
     Setting,
-    error_source,
     gain_matrix,
     levels,
     varied_columns,
 )
 from rig.analysis.rows import INCOMPLETE, record_of, rig_time
 from rig.analysis.stored_rows import current_table
-from rig.config.differences import ABSENT
 from rig.config.problems import format_rows
 from rig.presentation import phrases
 from rig.presentation.json_values import json_value
-from rig.presentation.phrases import clock_text
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.table_file import write_table
-from rig.row_contents import DRIVE, Column, main_columns, union
+from rig.row_contents import DRIVE, Column, union
 from rig.stations import Station, station_names
-
-_MAX_DIFFERENCES = 12  # listed in the text, for each group
-_MAX_UNMATCHED = 20
 
 _ROUNDING = 1e-9  # relative to the value, added to the tolerance
 _TINY = 1e-300  # avoids 0/0 where tolerance and value are 0
@@ -100,6 +97,13 @@ class MatchedPoints(NamedTuple):
     one_sided: tuple[Column, ...]  # vary in one run, absent from the other
     all_columns: tuple[Column, ...]  # of either run
     constant_differences: tuple[ConstantDifference, ...]
+    alone_a: tuple[Column, ...] = ()  # of the one-sided columns those of A
+    alone_b: tuple[Column, ...] = ()
+
+    @property
+    def axes_differ(self) -> bool:
+        """Whether each run varies a column that the other lacks: then no points are paired."""
+        return bool(self.alone_a and self.alone_b)
 
 
 class BestPoints(NamedTuple):
@@ -121,6 +125,7 @@ class Comparison(NamedTuple):
     tolerances: Mapping[str, float]  # of the matched columns, SI
     stations: tuple[Station, ...]  # those of A that B has, too
     best: Mapping[str, BestPoints]  # by name of the station
+    seas: Mapping[int, Mapping[str, BestPoints]] = {}  # by seed, if the axes differ
 
 
 def compare(
@@ -164,7 +169,34 @@ def compare(
             each.name: BestPoints(*(best_point(matrix.points, each.name) for matrix in matrices))
             for each in stations
         },
+        _best_by_sea(*matrices, stations) if matched.axes_differ and same_sea else {},
     )
+
+
+def _best_by_sea(
+    a: Matrix, b: Matrix, stations: tuple[Station, ...]
+) -> dict[int, dict[str, BestPoints]]:
+    """Return the best points of both runs in each sea, by seed; empty for runs in one sea."""
+    sides = [[_in_seas(point) for point in matrix.points] for matrix in (a, b)]
+    seeds = [{seed for point in side for seed in point} for side in sides]
+    return {
+        seed: {
+            each.name: BestPoints(
+                *(best_point([p[seed] for p in side if seed in p], each.name) for side in sides)
+            )
+            for each in stations
+        }
+        for seed in sorted(seeds[0] & seeds[1])
+    }
+
+
+def _in_seas(point: Point) -> dict[int, Point]:
+    """Return a point as it was in each of several seas: of one alone, its error is unknown."""
+    unknown = dict.fromkeys(point.power, math.nan)
+    return {
+        seed: point._replace(power=power, error=unknown, by_seed={})
+        for seed, power in point.by_seed.items()
+    }
 
 
 def _describe_run(run_facts: RunInfo, table: xarray.Dataset, matrix: Matrix) -> ComparedRun:
@@ -207,7 +239,14 @@ def _warnings(
     if facts_a.mode != facts_b.mode:
         modes = f"A {facts_a.mode or 'unknown'}, B {facts_b.mode or 'unknown'}"
         warnings.append(f"DIFFERENT EXECUTION MODES: {modes}")
-    if not matched.pairs:
+    if matched.axes_differ:
+        alone = (matched.alone_a, matched.alone_b)
+        axes = [", ".join(column.label for column in columns) for columns in alone]
+        warnings.append(
+            f"DIFFERENT AXES: A alone varies {axes[0]}; B alone varies {axes[1]}; the best "
+            "points are compared"
+        )
+    elif not matched.pairs:
         warnings.append("NO SET POINT IN COMMON")
     return warnings
 
@@ -233,10 +272,11 @@ def match(a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None) -
     constant_columns = [c for c in all_columns if c not in varied]
     columns = tuple(c for c in varied if has_column(a, c) and has_column(b, c))
     one_sided = tuple(c for c in varied if c not in columns)
+    alone_a, alone_b = (tuple(c for c in one_sided if has_column(m, c)) for m in (a, b))
     # A column that varies in B alone: several points of B share one point of A.
-    reuse_a = any(has_column(b, c) for c in one_sided)
-    reuse_b = any(has_column(a, c) for c in one_sided)
-    candidates = sorted(_candidate_pairs(a.points, b.points, columns, limits))
+    reuse_a, reuse_b = bool(alone_b), bool(alone_a)
+    paired = () if alone_a and alone_b else _candidate_pairs(a.points, b.points, columns, limits)
+    candidates = sorted(paired)
     pairs: list[tuple[int, int]] = []
     used_a: set[int] = set()
     used_b: set[int] = set()
@@ -253,6 +293,8 @@ def match(a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None) -
         one_sided,
         all_columns,
         tuple(_find_constant_differences(a, b, constant_columns, limits)),
+        alone_a,
+        alone_b,
     )
 
 
@@ -344,136 +386,6 @@ def format_difference(difference: PowerDifference) -> str:
     return phrases.format_power(difference.watts, difference.error).removesuffix(" W")
 
 
-def as_text(comparison: Comparison) -> str:
-    """Return the comparison as text for a terminal: differing settings first, then power."""
-    lines = []
-    for name, side in (("A", comparison.a), ("B", comparison.b)):
-        stamp = phrases.mode_stamp(side.mode)
-        lines.append(f"{name}  {side.run}, campaign {side.campaign or 'unknown'}   [{stamp}]")
-        time = clock_text(side.rig_time_s) if math.isfinite(side.rig_time_s) else "unknown"
-        lines.append(
-            f"   rig {side.rig}; sea {side.sea}; {side.points} points measured, {side.ended}; "
-            f"rig time {time}"
-        )
-    for warning in comparison.warnings:
-        lines += ["", f"!! {warning}"]
-    lines += ["", "Settings that differ", *_settings_lines(comparison)]
-    lines += ["", *_best_lines(comparison), "", *_matching_lines(comparison)]
-    if comparison.matched.pairs:
-        lines += ["", *_mean_lines(comparison), "", *_point_lines(comparison)]
-    for name, points in (("A", comparison.matched.only_a), ("B", comparison.matched.only_b)):
-        if points:
-            lines += ["", f"Only in {name}", *_unmatched_lines(points, comparison.matched)]
-    return "\n".join([*lines, ""])
-
-
-def _settings_lines(comparison: Comparison) -> list[str]:
-    rows = []
-    for column, *values in comparison.matched.constant_differences:
-        a, b = (ABSENT if v is None else labels.format_quantity(column, v) for v in values)
-        rows.append(("set point", column.label, f"A {a}", f"B {b}"))
-    counts = Counter[str]()
-    for group, key, a, b in comparison.differences:
-        counts[group] += 1
-        if counts[group] <= _MAX_DIFFERENCES:
-            rows.append((group, key, f"A {shorten(a)}", f"B {shorten(b)}"))
-    if not rows:
-        return ["  none"]
-    lines = phrases.aligned(rows, lambda column, cell: False)
-    for group, count in counts.items():
-        if count > _MAX_DIFFERENCES:
-            lines.append(f"  {group}: and {count - _MAX_DIFFERENCES} more, all in --json")
-    return lines
-
-
-def _matching_lines(comparison: Comparison) -> list[str]:
-    matched = comparison.matched
-    bounds = ", ".join(
-        f"{column.label} within "
-        f"{labels.format_quantity(column, comparison.tolerances[column.name]).lstrip('+')}"
-        for column in matched.columns
-    )
-    criterion = f" by {bounds}" if bounds else ": no column varies that both runs have"
-    lines = [f"{len(matched.pairs)} pairs of points matched{criterion}"]
-    if one_sided := ", ".join(column.label for column in matched.one_sided):
-        lines.append(f"only one run varies {one_sided}: its points share points of the other run")
-    return [*lines, f"{len(matched.only_a)} points only in A, {len(matched.only_b)} only in B"]
-
-
-def _best_lines(comparison: Comparison) -> list[str]:
-    """Return the best measured point of each run, station by station, matched or not."""
-    both = [point for best in comparison.best.values() for point in best if point is not None]
-    lines = ["Best points of each run, W" + _error_text(both)]
-    columns = (*comparison.matched.columns, *comparison.matched.one_sided)
-    for station in comparison.stations:
-        label = station.label
-        for side, point in zip("AB", comparison.best[station.name], strict=True):
-            if point is None:
-                lines.append(f"  {label:<34}{side}{'-':>17}")
-            else:
-                shown = (c for c in columns if c.name in point.setting)
-                setting = ", ".join(labels.format_setting(c, point.setting[c.name]) for c in shown)
-                power = _format_point_power(point, station.name)
-                row = ", ".join(map(str, point.rows))
-                lines.append(f"  {label:<34}{side}{power:>17}   row {row}: {setting}")
-            label = ""
-        a, b = comparison.best[station.name]
-        if a is not None and b is not None:
-            difference = power_difference(Pair(a, b), station.name)
-            lines.append(f"  {'':<30}B - A{format_difference(difference):>17}")
-    return lines
-
-
-def _error_text(points: Iterable[Point]) -> str:
-    """Return what ± means, as the end of a heading; empty without errors."""
-    source = error_source(points)
-    return f" (± standard error by {source})" if source else ""
-
-
-def _mean_lines(comparison: Comparison) -> list[str]:
-    pairs = comparison.matched.pairs
-    source = error_source(point for pair in pairs for point in pair)
-    lines = [
-        "Mean difference of the matched pairs, W (B less A"
-        + (f"; ± standard error by {source})" if source else ")")
-    ]
-    for station in comparison.stations:
-        mean = format_difference(mean_difference(pairs, station.name))
-        lines.append(f"  {station.label:<32}{mean:>18}")
-    return lines
-
-
-def _format_point_power(point: Point, station: str) -> str:
-    return phrases.format_power(point.power[station], point.error[station]).removesuffix(" W")
-
-
-def _point_lines(comparison: Comparison) -> list[str]:
-    headings = "".join(f"{station.short_label:>20}" for station in comparison.stations)
-    title = "Differences by point, W (B - A; negative: B absorbs more)"
-    lines = [title, f"  {'':<8}{headings}   set point"]
-    for pair in comparison.matched.pairs:
-        differences = (power_difference(pair, name) for name in station_names(comparison.stations))
-        cells = "".join(f"{format_difference(each):>20}" for each in differences)
-        rows = f"{pair.a.rows[0]}|{pair.b.rows[0]}"
-        lines.append(f"  {rows:<8}{cells}   {describe_pair(comparison.matched, pair)}")
-    return lines
-
-
-def _unmatched_lines(points: tuple[Point, ...], matched: MatchedPoints) -> list[str]:
-    columns = (*matched.columns, *matched.one_sided) or main_columns(matched.all_columns)
-    lines = [
-        f"  row {point.rows[0]}: "
-        + ", ".join(
-            labels.format_setting(c, point.setting[c.name])
-            for c in matched.all_columns
-            if c in columns and c.name in point.setting
-        )
-        for point in points[:_MAX_UNMATCHED]
-    ]
-    more = len(points) - len(lines)
-    return [*lines, f"  and {more} more, all in the CSV"] if more > 0 else lines
-
-
 def as_json(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as JSON data: powers in W, columns in SI, unknown values null."""
 
@@ -500,6 +412,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         ],
         "matched_on": dict(comparison.tolerances),
         "varied_in_one_run": [column.name for column in matched.one_sided],
+        "axes_differ": matched.axes_differ,
         "mean_difference_w": {name: difference_json(mean) for name, mean in means.items()},
         "best": {
             name: {
@@ -507,6 +420,16 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
                 for side, point in zip("ab", best, strict=True)
             }
             for name, best in comparison.best.items()
+        },
+        "best_by_seed": {
+            str(seed): {
+                name: {
+                    side: point and point_json(point, name)
+                    for side, point in zip("ab", best, strict=True)
+                }
+                for name, best in by_station.items()
+            }
+            for seed, by_station in comparison.seas.items()
         },
         "pairs": [
             {

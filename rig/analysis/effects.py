@@ -25,6 +25,8 @@ differ in nothing else are repetitions; their scatter is, say, the effect of the
 """
 
 import json
+from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,6 +36,7 @@ from numpy.typing import NDArray
 
 from rig.analysis import labels
 from rig.analysis.intervals import CONFIDENCE, combined_half_width
+from rig.analysis.law_differences import tables_by_law
 from rig.analysis.points import Matrix, degrees_of_freedom, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.analysis.uncertainty import BUDGET_ATTRIBUTE, CONTRIBUTIONS
@@ -98,6 +101,7 @@ class Effects(NamedTuple):
     lead: float  # W, size of the first effect less that of the second; NaN for a single one
     lead_half_width: float  # W, by the source of the intervals
     lead_misfit_half_width: float  # W, by the misfit; NaN without residual degrees of freedom
+    law: str = ""  # whose rows these are; empty in a campaign of one law
 
     def text_of(self, column: Column) -> str:
         """Return the effect of a column as text."""
@@ -325,10 +329,16 @@ def all_effects(table: xarray.Dataset) -> tuple[Effects, ...]:
     """Return the main effects on the powers shown in pictures; empty if nothing varies.
 
     The last station in the flow of power is first: it determines the ranks on the summary page.
+    Each law of a campaign with several has effects of its own, in the order of the campaign.
     """
-    stations = reversed(shown(stations_of(table)))
-    by_station = (compute_effects(table, station.name) for station in stations)
-    return tuple(effects for effects in by_station if effects is not None)
+    if "state" not in table or table.sizes["row"] == 0:
+        return ()
+    found = (
+        (law, compute_effects(rows, station.name))
+        for law, rows in tables_by_law(table)
+        for station in reversed(shown(stations_of(table)))
+    )
+    return tuple(effects._replace(law=law) for law, effects in found if effects is not None)
 
 
 def effect_notes(effects: Effects) -> list[str]:
@@ -383,13 +393,20 @@ def _format_magnitude(value: float) -> str:
 
 
 def effects_text(by_station: tuple[Effects, ...]) -> list[str]:
-    """Return the effects as lines for a terminal, ranked by the first station; empty if none."""
-    if not by_station:
-        return []
+    """Return the effects as lines for a terminal, ranked by the first station; empty if none.
+
+    Laws have a table each.
+    """
+    by_law = [[*group] for _, group in groupby(by_station, key=lambda effects: effects.law)]
+    return [line for group in by_law for line in _law_text(group)]
+
+
+def _law_text(by_station: Sequence[Effects]) -> list[str]:
     first = by_station[0]
     headings = [f"{effects.station.short_label}, W" for effects in by_station]
+    of_law = f" with the law {first.law}" if first.law else ""
     lines = [
-        "Main effects (change of power over the range of a column; negative absorbs more)",
+        f"Main effects{of_law} (change of power over the range of a column; negative absorbs more)",
         f"  {'':<20} {'range':<24}" + "".join(f"{heading:>20}" for heading in headings),
     ]
     for i, effect in enumerate(first.effects):
@@ -403,6 +420,7 @@ def effects_json(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
     return [
         {
             "power": effects.station.name,
+            **({"law": effects.law} if effects.law else {}),
             "rows": effects.rows,
             "confidence": CONFIDENCE,
             "error_by": effects.source,
@@ -440,6 +458,7 @@ def effect_lines(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
     return [
         {
             "power": effects.station.name,
+            **({"law": effects.law} if effects.law else {}),
             "rank": i + 1,
             "column": e.column.name,
             "unit": e.column.unit,

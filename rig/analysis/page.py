@@ -170,6 +170,9 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
     by_station = summary.effects
     if not by_station:
         return top
+    if any(effects.law for effects in by_station):
+        _text(figure, _LEFT, top, "Laws, and main effects with each: see summary.txt")
+        return top - 0.02
     if top - 0.085 - 0.0152 * len(by_station[0].effects) < bottom:
         _text(figure, _LEFT, top, "Main effects: see summary.txt")
         return top - 0.02

@@ -7,7 +7,7 @@ drawn as a line plot with power on the vertical axis.
 """
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -162,6 +162,29 @@ def mark_best(axes: Axes, x: float, y: float) -> None:
         clip_on=False,
         zorder=5,
     )
+
+
+def mark_match(axes: Axes, slice_: Slice, match: Mapping[str, float]) -> None:
+    """Mark gains that match the plant's impedance Z, where a surface over Kp and Ki has them.
+
+    ``match`` has ``kp`` and ``ki`` of the complex conjugate, and ``kp_real`` of -|Z| (Ki = 0).
+    """
+    if not match or not spans_surface(slice_.xy) or {slice_.x.name, slice_.y.name} != {"kp", "ki"}:
+        return
+    for kp, ki, label in (
+        (match["kp"], match["ki"], "−Z*"),
+        (match["kp_real"], 0.0, "−|Z|"),
+    ):
+        place = {"kp": kp, "ki": ki}
+        xy = (place[slice_.x.name], place[slice_.y.name])
+        spans = zip(*slice_.xy, strict=True)
+        if not all(min(span) <= v <= max(span) for v, span in zip(xy, spans, strict=True)):
+            continue  # of a match outside the grid the edge of the surface says enough
+        (shown,) = display_xy(slice_, [xy])
+        halo: list[AbstractPathEffect] = [withStroke(linewidth=2.6, foreground="white")]
+        style: dict[str, Any] = {"color": DARK, "path_effects": halo, "zorder": 7}
+        axes.plot(*shown, "+", ms=9, mew=1.6, **style)
+        axes.annotate(label, shown, xytext=(5, 4), textcoords="offset points", fontsize=8, **style)
 
 
 def _mark_optimum(axes: Axes, slice_: Slice, best: Optimum) -> None:

@@ -48,7 +48,14 @@ from rig.recording.runs.windows import (
     read_windows,
 )
 from rig.recording.table_file import write_table
-from rig.row_contents import Check, Column, RowContents, column_records, columns_from_records
+from rig.row_contents import (
+    MATCH,
+    Check,
+    Column,
+    RowContents,
+    column_records,
+    columns_from_records,
+)
 from rig.stations import Station, as_records, from_records
 
 if TYPE_CHECKING:
@@ -350,6 +357,7 @@ def row_table(
         "record_state": json.dumps(state.as_dict()),
         **contents_attributes(contents),
         **({} if ends is None else {END_STATION: ends.station}),
+        MATCH: json.dumps(run_facts.plan.get(MATCH, {})),
     }
     if budget is not None:
         attributes[BUDGET_ATTRIBUTE] = budget.describe(complete, shares)

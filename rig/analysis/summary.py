@@ -13,6 +13,7 @@ from rig.analysis.choices import choice_texts
 from rig.analysis.cut_rows import cut_message
 from rig.analysis.effects import Effects, all_effects, effects_json, effects_text, is_designed
 from rig.analysis.intervals import CONFIDENCE
+from rig.analysis.law_differences import BestOfLaw, best_of_laws, laws_json, laws_text
 from rig.analysis.points import error_note, gain_matrix, varied_columns
 from rig.analysis.rows import COMPLETE, INCOMPLETE, INTERRUPTED
 from rig.analysis.slices import ENDED_EARLY, NEGLIGIBLE_SHARE, Optimum, find_optima
@@ -149,6 +150,7 @@ class Summary(NamedTuple):
     record: RecordState | None = None  # completeness of the record, independent of the ending
     resumed_utc: tuple[str, ...] = ()  # when the run was resumed
     choices: tuple[str, ...] = ()  # of the rows of an adaptive campaign
+    laws: tuple[BestOfLaw, ...] = ()  # of a campaign with several
     uncertainty: tuple[str, ...] = ()  # of the best powers; empty without a budget
     ended_early: str = ""  # rows that ended as not the best, and by which station
     rehearsed: tuple[str, ...] = ()  # the rows beside those of the rehearsal; empty without one
@@ -284,6 +286,7 @@ def summarise(
         lost_ticks=stop.lost,
         choices=choice_texts(run_facts),
         ended_early=cut_message(table),
+        laws=best_of_laws(table),
     )
 
 
@@ -336,6 +339,7 @@ def as_json(summary: Summary) -> dict[str, Any]:
         "record": summary.record.as_dict() if summary.record else None,
         "optima": [_best_json(summary, optimum) for optimum in summary.optima],
         "effects": effects_json(summary.effects),
+        "laws": laws_json(summary.laws),
     }
     return {name: json_value(value) for name, value in values.items() if name != "main"}
 
@@ -362,6 +366,7 @@ def as_text(summary: Summary) -> str:
         "",
         *_result_lines(summary),
     ]
+    lines += ["", *laws_text(summary.laws)] if summary.laws else []
     lines += ["", *effects_text(summary.effects)] if summary.effects else []
     if summary.choices:
         lines += ["", "Choice of rows", *(f"  {line}" for line in summary.choices)]

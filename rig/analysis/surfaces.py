@@ -6,6 +6,7 @@ values. If the axes do not vary, the two columns with most values replace them. 
 scattered for slices is drawn as single points without interpolation.
 """
 
+import json
 import textwrap
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from matplotlib.figure import FigureBase
 
 from rig import stations
 from rig.analysis import labels, panel
+from rig.analysis.law_differences import law_groups
 from rig.analysis.points import (
     Matrix,
     Point,
@@ -36,7 +38,7 @@ from rig.analysis.slices import (
 )
 from rig.presentation import picture
 from rig.presentation.picture import DARK
-from rig.row_contents import Column, X, Y, main_columns
+from rig.row_contents import MATCH, Column, X, Y, main_columns
 
 NO_POINTS = Matrix((), ())
 _HEADING_LETTERS = 40  # per line of a panel's heading
@@ -68,6 +70,26 @@ def default_view(matrix: Matrix) -> View:
     return View(x, y, not ranked)
 
 
+class PanelGroup(NamedTuple):
+    """The columns of panels of one law; those of a campaign of one law are one group."""
+
+    law: str  # empty without a choice
+    matrix: Matrix
+    view: View
+    fixed: list[Setting]  # of each column
+
+
+def _panel_groups(matrix: Matrix) -> list[PanelGroup]:
+    """Return the columns of panels, law by law: each law has its own axes."""
+    groups = []
+    for law, choice, own in law_groups(matrix):
+        if own.points:
+            view = default_view(own)
+            fixed = [each | choice for each in _fixed_settings(own, view)]
+            groups.append(PanelGroup(law, own, view, fixed))
+    return groups
+
+
 def panel_columns(table: xarray.Dataset) -> int:
     """Return the number of panel columns of `draw_surfaces`; 0 without a measured point."""
     matrix = gain_matrix(table)
@@ -75,7 +97,7 @@ def panel_columns(table: xarray.Dataset) -> int:
         return 0
     if is_scattered(matrix):
         return 1
-    return len(_fixed_settings(matrix, default_view(matrix)))
+    return sum(len(group.fixed) for group in _panel_groups(matrix))
 
 
 def _fixed_settings(matrix: Matrix, view: View) -> list[Setting]:
@@ -85,11 +107,11 @@ def _fixed_settings(matrix: Matrix, view: View) -> list[Setting]:
 
 def is_scattered(matrix: Matrix) -> bool:
     """Return whether the slices of a matrix of many columns contain too few points to be drawn."""
-    view = default_view(matrix)
     largest = max(
         (
-            len(slice_matrix(matrix, station.name, view.x, view.y, fixed).points)
-            for fixed in _fixed_settings(matrix, view)
+            len(slice_matrix(own.matrix, station.name, own.view.x, own.view.y, fixed).points)
+            for own in _panel_groups(matrix)
+            for fixed in own.fixed
             for station in matrix.stations[-1:]
         ),
         default=0,
@@ -125,32 +147,45 @@ def draw_surfaces(
     if not matrix.points:
         figure.text(0.5, 0.5, "no complete row: no surface to draw", ha="center", color=DARK)
         return
-    view = default_view(matrix)
     if is_scattered(matrix):
-        _draw_scattered(figure, matrix, view)
+        _draw_scattered(figure, matrix, default_view(matrix))
         return
-    fixed_settings = _fixed_settings(matrix, view)
+    groups = _panel_groups(matrix)
     slices = [
-        [slice_matrix(matrix, station.name, view.x, view.y, fixed) for fixed in fixed_settings]
+        [
+            slice_matrix(group.matrix, station.name, group.view.x, group.view.y, fixed)
+            for group in groups
+            for fixed in group.fixed
+        ]
         for station in stations.shown(matrix.stations)
     ]
-    shape = len(slices), len(fixed_settings)
+    headings = [heading for group in groups for heading in _headings(group)]
+    shape = len(slices), len(headings)
     grid: Any = figure.subplots(*shape, squeeze=False)
-    panel_width = (width - 1.0) / len(fixed_settings) - 0.4
+    panel_width = (width - 1.0) / len(headings) - 0.4
     for i, of_station in enumerate(slices):
         captions = [
             panel.format_caption(each, panel_width, compact=compact, sliced=True)
             for each in of_station
         ]
         _draw_station(figure, grid[i].tolist(), of_station, captions, overlay, few_ticks=compact)
-        if i == 0 and view.by_panel:
-            for axes, (_, title) in zip(grid[i], panels(matrix), strict=True):
+        if i == 0 and any(headings):
+            for axes, title in zip(grid[i], headings, strict=True):
                 panel.add_heading(axes, title, panel.count_lines(captions), compact=compact)
-    if picture.for_paper() and shape[1] > 1:
+    for axes, slice_ in zip(grid[0], slices[0], strict=True):
+        panel.mark_match(axes, slice_, json.loads(table.attrs.get(MATCH, "{}")))
+    if picture.for_paper() and shape[1] > 1 and len(groups) == 1:
         for axes in grid[:, 1:].flat:  # rows have the same vertical axis
             axes.tick_params(labelleft=False)
             axes.set_ylabel("")
     figure.align_ylabels(grid)
+
+
+def _headings(group: PanelGroup) -> list[str]:
+    """Return the heading of each column of panels: the law and the value of the panel column."""
+    titles = [each.title for each in panels(group.matrix)] if group.view.by_panel else [""]
+    law = f"law {group.law}" if group.law else ""
+    return ["\n".join(filter(None, (law, title))) for title in titles]
 
 
 def _draw_scattered(figure: FigureBase, matrix: Matrix, view: View) -> None:
@@ -189,9 +224,13 @@ def _draw_station(
     colour_scale = panel.power_scale(values) if values else None
     label = f"{slices[0].station.short_label}, W"
     axes_by_content: dict[str, list[Axes]] = {"surface": [], "line": [], "nothing": []}
+    drawn: list[Slice] = []
     for axes, slice_, caption in zip(row, slices, captions, strict=True):
         content = panel.draw_panel(axes, slice_, colour_scale, caption, few_ticks=few_ticks)
         axes_by_content[content].append(axes)
+        if content == "surface" and slice_.y != slices[max(0, len(drawn) - 1)].y:
+            axes.set_ylabel(labels.axis_label(slice_.y), fontsize=8)  # the axes of the next law
+        drawn.append(slice_)
         if colour_scale is not None:
             panel.draw_overlay(
                 axes, slice_, points_in_slice(overlay, slice_), colour_scale, content
@@ -212,9 +251,7 @@ def write_surfaces(
     The points of ``overlay`` are those of another table, drawn on top; ``subtitle`` describes them.
     """
     matrix = gain_matrix(table)
-    view = default_view(matrix)
-    shown = {view.x, view.y, matrix.panel if view.by_panel else None}
-    sliced = {*varied_columns(matrix)} - shown and not is_scattered(matrix)
+    sliced = not is_scattered(matrix) and any(map(_is_sliced, _panel_groups(matrix)))
     slice_note = "other columns at the optimum of each panel" if sliced else ""
     subtitle = "; ".join(filter(None, (subtitle, slice_note)))
     note = picture.sign_note(error_note(matrix.points))
@@ -223,6 +260,13 @@ def write_surfaces(
     figure, body = picture.framed_figure(width, 9.0, title, table.attrs, note, subtitle)
     draw_surfaces(body, table, width, overlay=overlay)
     return picture.save(figure, path)
+
+
+def _is_sliced(group: PanelGroup) -> bool:
+    """Return whether more columns vary than the panels show."""
+    matrix, view = group.matrix, group.view
+    shown = {view.x, view.y, matrix.panel if view.by_panel else None}
+    return bool({*varied_columns(matrix)} - shown)
 
 
 def can_be_sliced(matrix: Matrix) -> bool:

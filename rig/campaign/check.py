@@ -17,7 +17,7 @@ from rig.campaign.files import (
     open_campaign,
 )
 from rig.campaign.kind import AnyCampaign, AnyPlan, CampaignKind
-from rig.campaign.law_checks import trial_problems
+from rig.campaign.law_checks import run_trials
 from rig.campaign.plan import build_plan, stage_plans
 from rig.campaign.record import moves_entry, seeds_text
 from rig.campaign.simulated_rows import SimulatedRows
@@ -328,10 +328,10 @@ def check_campaign(
     unused_rows = unused_row_warnings(
         file.matrix, campaign.locate, file.kind_columns, file.law_columns()
     )
-    failed_trials = tuple(trial_problems(campaign, planned))
-    if failed_trials:
+    trials = run_trials(campaign, planned)
+    if trials.problems:
         return CheckReport(
-            path, failed_trials, None, None, unchecked=(PREDICTION, *later_checks(campaign.rig))
+            path, trials.problems, None, None, unchecked=(PREDICTION, *later_checks(campaign.rig))
         )
     prediction = predictor(campaign, planned)
     times = _tank_times(campaign)
@@ -354,6 +354,7 @@ def check_campaign(
         prediction,
         out_of_date,
         unused_rows,
+        trials.warnings,
         tank_warnings=tuple(tank),
     )
 

@@ -23,6 +23,7 @@ from rig.config.law_settings import IMPEDANCE, AxisLaw, law_model
 from rig.config.problems import Problem
 from rig.config.ranges import unit_of_key
 from rig.config.reference import AnyReference, Reference
+from rig.config.unit_factors import factor_note, key_unit, si_unit
 from rig.config.yaml_source import KeyPath
 from rig.design.law_params import law_params
 from rig.planning.reference import repeat_ticks
@@ -46,29 +47,46 @@ class _Trial(NamedTuple):
     error: str  # of the tick after the last force; empty: none
 
 
-def trial_problems(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
-    """Yield the first problem of a law in each trial that fails, at most one of each sort.
+class LawTrials(NamedTuple):
+    """Findings of the trials of a campaign's laws."""
+
+    problems: tuple[Problem, ...]  # of a law in its trials, at most one of each sort
+    warnings: tuple[Problem, ...]  # laws that drive the body at every set point
+
+
+def run_trials(campaign: AnyCampaign, planned: AnyPlan) -> LawTrials:
+    """Try each set point of each law twice; return problems and warnings.
 
     The impedance law needs no trial: its arithmetic has tests of its own.
     """
+    problems, warnings = list[Problem](), list[Problem]()
     for axis, axis_law in campaign.axis_laws.items():
         law = axis_law.law
         if law.module is IMPEDANCE.module:
             continue
-        found: set[str] = set()
+        key, found = law_key(campaign.axis_laws, axis), set[str]()
+        powers = list[tuple[float, CampaignRow[Any]]]()
         for row in _tried_rows(axis_law, planned):
-            sort, message = _examine(campaign, axis, planned, row)
+            trial, other = (_run(campaign, axis, planned, row) for _ in range(2))
+            powers.append((trial.power, row))
+            sort, message = _examine(law.name, trial, other)
             if sort and sort not in found:
                 found.add(sort)
                 message = f"{message} ({_text(axis_law, row)})"
-                yield campaign.locate.problem(law_key(campaign.axis_laws, axis), law.name, message)
+                problems.append(campaign.locate.problem(key, law.name, message))
+        power, row = min(powers, key=lambda each: each[0])
+        if not found and power > 0.0 and not law.is_own:
+            message = (
+                "the law drives the body in its trial at every set point: force times velocity is "
+                f"+{power:.3g} W or more, and negative power is absorbed; check its sign "
+                f"({_text(axis_law, row)})"
+            )
+            warnings.append(campaign.locate.problem(key, law.name, message))
+    return LawTrials(tuple(problems), tuple(warnings))
 
 
-def law_warnings(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
-    """Yield what people should know of laws that are not wec-rig's own, before they run.
-
-    These are broken rules of the code by their line, and a law that drives the body.
-    """
+def rule_warnings(campaign: AnyCampaign) -> Iterator[Problem]:
+    """Yield the broken rules of laws that are not wec-rig's own, by their line."""
     for axis, axis_law in campaign.axis_laws.items():
         key = law_key(campaign.axis_laws, axis)
         for law in axis_law.law.members:
@@ -76,26 +94,6 @@ def law_warnings(campaign: AnyCampaign, planned: AnyPlan) -> Iterator[Problem]:
                 continue
             for finding in rule_findings(law):
                 yield campaign.locate.problem(key, law.name, f"{finding}; {_BROKEN}")
-        yield from _driving_warnings(campaign, axis, planned)
-
-
-def _driving_warnings(campaign: AnyCampaign, axis: str, planned: AnyPlan) -> Iterator[Problem]:
-    """Yield a warning if no set point of a law absorbs power in its trial."""
-    axis_law = campaign.axis_laws[axis]
-    if axis_law.law.is_own:
-        return
-    powers = [
-        (_run(campaign, axis, planned, row).power, row) for row in _tried_rows(axis_law, planned)
-    ]
-    power, row = min(powers, key=lambda each: each[0])
-    if power > 0.0:
-        yield campaign.locate.problem(
-            law_key(campaign.axis_laws, axis),
-            axis_law.law.name,
-            "the law drives the body in its trial at every set point: force times velocity is "
-            f"+{power:.3g} W or more, and negative power is absorbed; check its sign "
-            f"({_text(axis_law, row)})",
-        )
 
 
 def compilation_problems(
@@ -128,12 +126,8 @@ def law_problems(parts: CampaignParts, ramps: Mapping[str, float]) -> Iterator[P
     for axis, axis_law in axis_laws.items():
         columns: list[Column | Parameter] = [*axis_law.law.columns, *axis_law.law.parameters]
         for each in columns:
-            if (unit := unit_of_key(each.key)) not in ("", each.unit):
-                yield source.locate.problem(
-                    law_key(axis_laws, axis),
-                    axis_law.law.name,
-                    f"the key {each.key} ends with the unit {unit}, but its unit is {each.unit!r}",
-                )
+            if message := _unit_message(each):
+                yield source.locate.problem(law_key(axis_laws, axis), axis_law.law.name, message)
         key, given = law_key(axis_laws, axis), source.mapping.get("law", {})
         if len(axis_laws) > 1:
             given = given.get(axis, {}) if isinstance(given, dict) else {}
@@ -146,6 +140,18 @@ def law_problems(parts: CampaignParts, ramps: Mapping[str, float]) -> Iterator[P
                 yield source.locate.problem(
                     (*key, "zc") if "zc" in mapping else key, None, str(error)
                 )
+
+
+def _unit_message(entry: Column | Parameter) -> str:
+    """Return why a unit is not SI, or contradicts the end of its key; empty if it does not."""
+    if note := factor_note(entry.unit, [si_unit(entry.unit)]):
+        return f"the unit of {entry.key} is {entry.unit!r}, and laws have SI units: {note}"
+    if (unit := unit_of_key(entry.key)) in ("", entry.unit):
+        return ""
+    ending = key_unit(entry.key) or unit
+    message = f"the key {entry.key} ends with the unit {ending}, but its unit is {entry.unit!r}"
+    note = factor_note(ending, [entry.unit])
+    return f"{message}: {note}" if note else message
 
 
 def reference_problems(parts: CampaignParts) -> Iterator[Problem]:
@@ -173,12 +179,8 @@ def _tried_rows(axis_law: AxisLaw, planned: AnyPlan) -> list[CampaignRow[Any]]:
     return [rows[round(i * last / (MAX_SET_POINTS - 1))] for i in range(MAX_SET_POINTS)]
 
 
-def _examine(
-    campaign: AnyCampaign, axis: str, planned: AnyPlan, row: CampaignRow[Any]
-) -> tuple[str, str]:
-    """Return sort and message of the first problem of a row's set point; empty without one."""
-    first, second = (_run(campaign, axis, planned, row) for _ in range(2))
-    name = campaign.axis_laws[axis].law.name
+def _examine(name: str, first: _Trial, second: _Trial) -> tuple[str, str]:
+    """Return sort and message of the first problem in two equal trials; empty without one."""
     for tick, (one, other) in enumerate(zip(first.forces, second.forces, strict=False)):
         if not finite(one):
             return "force", f"the law {name} demands {one} in tick {tick} of a trial"

@@ -8,6 +8,7 @@ import typer
 
 from rig.analysis import comparison
 from rig.analysis.comparison_picture import write_comparison
+from rig.analysis.comparison_text import as_text
 from rig.cli.input_files import find_run, run_folder
 from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, PictureFormat, PictureStyle, Runs
 from rig.cli.output import input_errors, print_result
@@ -47,7 +48,7 @@ def command(
         written = [comparison.write_csv(found, picture.with_suffix(".csv"))]
         if found.matched.pairs:
             written.append(write_comparison(found, picture, fixed))
-    text = comparison.as_text(found).rstrip()
+    text = as_text(found).rstrip()
     code = print_result(comparison.as_json(found), text, written, as_json=as_json)
     for warning in () if as_json else found.warnings:
         print(f"\n!! {warning}", file=sys.stderr)

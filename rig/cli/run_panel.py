@@ -182,6 +182,11 @@ class RunPanel:
         return Group(*parts)
 
     def _time_text(self, snapshot: "Snapshot") -> str:
+        """Return elapsed and remaining time, and whether the tick is not compiled yet."""
+        text = self._remaining_text(snapshot)
+        return f"{text} (interpreted, compiling)" if snapshot.compiling else text
+
+    def _remaining_text(self, snapshot: "Snapshot") -> str:
         elapsed = float(snapshot.row["time"])
         if self._waits_for_people(snapshot):
             return f"{clock_text(elapsed)} rig time"

@@ -11,10 +11,8 @@ from llvmlite import binding, ir
 from rig.compilation import lifting
 from rig.compilation.cache_folder import write_bytes_atomically
 from rig.compilation.tick_source import TickSource
-from rig.realtime.compiled_tick import ENTRY, FILES, is_complete, read_objects
+from rig.realtime.compiled_tick import ENTRY, EXCEPTION_TEXT, FILES, is_complete, read_objects
 from rig.realtime.object_code import function_at
-
-_FAILED = "the compiled tick raised an exception"
 
 
 class CompilationError(ValueError):
@@ -97,7 +95,7 @@ def _entry(symbol: str, *, lets_others_run: bool) -> bytes:
     new_int = declare("PyLong_FromLongLong", pointer, number)
     set_error = declare("PyErr_SetString", ir.VoidType(), pointer, pointer)
     error = ir.GlobalVariable(module, pointer, "PyExc_ArithmeticError")
-    encoded = bytearray(f"{_FAILED}\0".encode())
+    encoded = bytearray(f"{EXCEPTION_TEXT}\0".encode())
     text = ir.GlobalVariable(module, ir.ArrayType(ir.IntType(8), len(encoded)), "text")
     text.initializer = ir.Constant(text.value_type, encoded)
     text.linkage, text.global_constant = "internal", True

@@ -9,6 +9,7 @@ from pydantic import Field, field_validator
 
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
+from rig.config.unit_factors import factor_note
 
 QUANTITY_UNITS = {"spring_rate": "N/m", "torque_constant": "N*m/A", "spring_map": "N/m"}
 """Units of the quantities that every rig may have (for a spring map, the unit of its rates).
@@ -197,6 +198,8 @@ class CalibrationFile(FileModel):
             message = (
                 f"{format_value(self.unit)} is not the unit of {self.quantity}; allowed {unit}"
             )
+            if note := factor_note(self.unit, [unit]):
+                message += f": {note}"
             yield self.violation("unit", message)
         if self.version == 1 and self.supersedes is not None:
             yield self.violation("supersedes", "version 1 supersedes nothing")

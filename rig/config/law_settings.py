@@ -200,7 +200,7 @@ def inherit_law(
     key: KeyPath = ("law",),
 ) -> None:
     """Give a campaign without a law at ``key`` that at ``own`` of its rig, with its locations."""
-    law, target = _value_at(rig, own), _value_at(campaign, key[:-1])
+    law, target = value_at(rig, own), value_at(campaign, key[:-1])
     if law is None or not isinstance(target, dict) or key[-1] in target:
         return
     target[key[-1]] = law
@@ -209,7 +209,8 @@ def inherit_law(
     locate.locations.update({(*key, *place[len(own) :]): at for place, at in moved})
 
 
-def _value_at(mapping: Any, key: KeyPath) -> Any:
+def value_at(mapping: Any, key: KeyPath) -> Any:
+    """Return the value at a key of nested mappings; None without it."""
     for part in key:
         mapping = mapping.get(part) if isinstance(mapping, dict) else None
     return mapping

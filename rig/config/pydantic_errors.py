@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 from rig.config import ranges
 from rig.config.model import RULE, FileModel, RuleViolation
 from rig.config.problems import ConfigError, Problem, display_path, format_value
+from rig.config.unit_factors import factor_note, key_note
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
 
 M = TypeVar("M", bound=BaseModel)
@@ -110,11 +111,15 @@ def _translate(
         fault = _ERROR_TEXTS.get(kind, "")
         if kind.startswith(("value_error", "assertion_error")):
             key, value, message = _named_key(key, value, str(item["ctx"]["error"]), locate)
+        elif kind == "unit":  # of the plant of coupled modes
+            message = item["msg"] + _unit_note(item["ctx"]["given"], item["ctx"]["allowed"])
         elif not fault:
             message = f"{format_value(value)}: {item['msg']}"
         else:
             with_reason = kind.startswith(("greater", "less"))
             message = f"{format_value(value)} {fault}{_allowed_text(model, loc, with_reason)}"
+            if kind == "literal_error":
+                message += _unit_note(value, item["ctx"]["expected"])
             if kind == "string_type" and not isinstance(value, (dict, list)):
                 message += "; put it in quotes if it is meant as text"
     yield locate(key), locate.problem(key, value, message)
@@ -173,10 +178,19 @@ def _unknown_key_message(model: type[BaseModel] | None, loc: KeyPath) -> str:
         if issubclass(owner, FileModel) and key in owner.foreign_keys:
             return f"unknown key; {owner.foreign_keys[key]}"
         known += [info.alias or name for name, info in owner.model_fields.items()]
+    if note := key_note(key, known):
+        return f"unknown key; {note}"
     suggestion = _suggestion(key, known)
     if suggestion or not known:
         return f"unknown key{suggestion}"
     return f"unknown key; known are {', '.join(dict.fromkeys(known))}"
+
+
+def _unit_note(value: Any, expected: str) -> str:
+    """Return the factor to an allowed unit; empty for a value that is no unit of that quantity."""
+    units = expected.replace(" or ", ", ").replace("'", "").split(", ")
+    note = factor_note(value, units) if isinstance(value, str) else ""
+    return f": {note}" if note else ""
 
 
 def _suggestion(key: object, known: Iterable[str]) -> str:

@@ -13,11 +13,13 @@ import os
 import signal
 import sys
 import time
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
 from rig import laws
+from rig.plug_ins import error_text
 from rig.processes import handover
 from rig.processes.io_process import ignore_terminal_signals
 from rig.processes.last_logger import LastLogger
@@ -32,7 +34,7 @@ from rig.processes.messages import (
 )
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
-from rig.realtime.compiled_tick import is_complete
+from rig.realtime.compiled_tick import EXCEPTION_TEXT, is_complete
 from rig.realtime.coupled_ticks import Coupling
 from rig.realtime.devices import Devices, FlatDevices
 from rig.realtime.live_setpoints import live_columns
@@ -178,5 +180,20 @@ def _privileges(job: LoopJob) -> scheduling.Privileges | None:
     return None
 
 
+def _failure_text(error: Exception) -> str:
+    """Return an exception with file and line, those of a law if it was one that raised."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    paths = [each.f_code.co_filename for each in frames if each.f_globals.keys() >= laws.NAMES]
+    if paths:
+        return f"the law raised an exception: {error_text(error, paths[-1])}"
+    if str(error) == EXCEPTION_TEXT:
+        return f"{EXCEPTION_TEXT}; `rig run --interpreted` names its file and line"
+    return error_text(error)
+
+
 if __name__ == "__main__":
-    main(*map(importlib.import_module, sys.argv[1:]))
+    try:
+        main(*map(importlib.import_module, sys.argv[1:]))
+    except Exception as error:  # noqa: BLE001  a law may raise anything
+        traceback.print_exc()
+        sys.exit(_failure_text(error))  # the last line, which the supervisor reads

@@ -61,6 +61,7 @@ class Snapshot(NamedTuple):
     problem: str  # with a process or the log; empty: none
     reason: str = ""  # name of the reason of a stop, in the newest row
     people: dict[str, Any] = {}  # noqa: RUF012  (`rig.people.orders.Orders.describe`)
+    compiling: bool = False  # the tick runs interpreted until it is compiled
 
 
 class Outcome(NamedTuple):

@@ -35,12 +35,13 @@ from rig.processes.messages import (
     Refused,
     WireReport,
 )
+from rig.processes.not_finite import ROWS, first_not_finite
 from rig.processes.run_types import ExecutionMode, Outcome, Snapshot, Task
 from rig.processes.tick_compiler import TickCompiler
 from rig.realtime import safety
 from rig.realtime.live_setpoints import live_columns
 from rig.realtime.loop import LoopResult
-from rig.realtime.reasons import NO_REASON
+from rig.realtime.reasons import NO_REASON, Reason
 from rig.realtime.requests import NO_REQUEST
 from rig.realtime.sequence import CHOICE
 from rig.recording import ring
@@ -451,13 +452,23 @@ class SupervisedRun:
         row = self._latest_row()
         reason = self._reasons.name(int(row.get("safety.reason", NO_REASON)))
         people = self._orders.describe()
-        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason, people)
+        compiling = self._compiler is not None and self._compiler.running
+        return Snapshot(row, self._ring.dropped, unsaved, self._problem, reason, people, compiling)
 
     def _latest_row(self) -> dict[str, float | int]:
         packed = self._ring.latest()
         if packed is None:
             return {}
         return dict(zip(self._names, self._layout.unpack(packed), strict=True))
+
+    def _trip_messages(self) -> tuple[str, ...]:
+        """Return the signal of a trip by NaN or infinity."""
+        if self._end is None or self._end.reason != Reason.NOT_FINITE:
+            return ()
+        newest = self._ring.remaining_rows()[-ROWS * self._ring.row_size :]
+        unpacked = self._layout.iter_unpack(newest)
+        rows = [dict(zip(self._names, row, strict=True)) for row in unpacked]
+        return tuple(filter(None, (first_not_finite(rows),)))
 
     def _outcome(self, loop: Child | None) -> Outcome:
         end, row = self._end, self._latest_row()
@@ -480,7 +491,7 @@ class SupervisedRun:
             logger_restarts=max(0, self._parts - 1),
             last_row=row,
             died=self._died,
-            messages=(*self._io_processes.messages, *_code_messages(end)),
+            messages=(*self._io_processes.messages, *self._trip_messages(), *_code_messages(end)),
             moved=self._whereabouts.problem,
             compiled_from=end.compiled_from if end else -1,
         )

@@ -54,6 +54,15 @@ class TickCompiler:
         self._thread = threading.Thread(target=self._start, args=(job,), daemon=True)
         self._thread.start()
 
+    @property
+    def running(self) -> bool:
+        """Whether a compilation has begun and not ended."""
+        with self._lock:
+            process = self._process
+        if process is not None:
+            return process.poll() is None
+        return self._thread is not None and self._thread.is_alive()
+
     def _start(self, job: CompileJob) -> None:
         text, tick = handover.dumps(job), self._task.tick
         with suppress(OSError):  # a full disk, or no more processes: the tick stays interpreted

@@ -12,6 +12,8 @@ from rig.realtime.tick_memory import FlatMemory
 FILES = ("tick.o", "entry.o")
 """Object code in a folder of the cache: the tick, and its entry for Python."""
 ENTRY = "tick_entry"
+EXCEPTION_TEXT = "the compiled tick raised an exception"
+"""The message of a compiled tick that raised: its own is not known."""
 
 
 def is_complete(folder: Path) -> bool:

@@ -24,9 +24,10 @@ from rig.campaign import (
     resolved_config,
 )
 from rig.campaign.equilibrium import EquilibriumCheck
-from rig.campaign.law_checks import compilation_problems, trial_problems
+from rig.campaign.law_checks import compilation_problems, run_trials
 from rig.campaign.simulated_rows import NOT_SETTLED, row_results
 from rig.config.problems import ConfigError, Problem, format_value
+from rig.config.yaml_source import KeyPath
 from rig.planning.input_files import InputFile, MappingLoader
 from rig.planning.point import Point
 from rig.planning.windows import repeat_period
@@ -60,6 +61,10 @@ class CampaignTask:
         self.campaign, self.lead_in = all_rows(campaign), lead_in
         self.name, self.plant = str(campaign.file.name), campaign.plant
         self.validity_warnings = campaign.validity_warnings
+
+    def plant_unit(self, path: KeyPath) -> str:
+        """Return the unit of a plain number of the plant file; empty if it has none."""
+        return simulation_of(self.campaign).plant_unit(self.campaign, path)
 
     @cached_property
     def plan(self) -> AnyPlan:
@@ -192,7 +197,7 @@ class CampaignTasks:
         if self._lead_in is not None:
             for parameter in parameters:
                 _check_start(parameter, self._lead_in)
-        law_problems = list(trial_problems(campaign, task.plan))
+        law_problems = list(run_trials(campaign, task.plan).problems)
         if not law_problems:
             law_problems += compilation_problems(campaign, task.plan.dt, _NOT_COMPILED)
         if law_problems:

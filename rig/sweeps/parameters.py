@@ -6,7 +6,7 @@ sweep accepts exactly the values that the file accepts.
 """
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from rig.config import ranges
+from rig.config.law_settings import value_at
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
 from rig.sweeps.simulator import simulation_of_rig
@@ -89,6 +90,11 @@ class TaskFiles:
         self.path, self.tasks = path, tasks
         self._read: dict[tuple[Path, str], tuple[dict[str, Any], SourceMap]] = {}
         self._data: dict[Path, str] = {}  # sha256
+
+    def mapping(self, key: str) -> dict[str, Any]:
+        """Return the content of a file that was read, by its key; the task's own key is empty."""
+        found = (mapping for (_, each), (mapping, _) in self._read.items() if each == key)
+        return next(found, {})
 
     def open(self, values: ParameterValues = ()) -> SweepTask:
         """Return the task with these values; raise `ConfigError` with every problem.
@@ -177,6 +183,10 @@ def check_values(
     swept: list[tuple[SweepTask, ...]] = []
     problems_found, unchecked = list(parsed.problems), list[str]()
     for parameter in parsed.parameters:
+        if rig_key := _key_of_rig_law(parameter, files):
+            message = f"the law is that of the rig file: write {rig_key}=V1,V2,..."
+            problems_found.append(Problem(OPTION, parameter.number, parameter.key, None, message))
+            continue
         variants: list[SweepTask] = []
         for value in parameter.values:
             try:
@@ -191,6 +201,26 @@ def check_values(
     if problems_found:
         raise ConfigError(problems_found, unchecked)
     return base, tuple(swept)
+
+
+def _key_of_rig_law(parameter: SweepParameter, files: TaskFiles) -> str:
+    """Return the parameter's key in the rig file, if the campaign has its law from there.
+
+    Such a campaign has no key `law` of the parameter's axis.
+    """
+    path, campaign, rig = parameter.path, files.mapping(""), files.mapping("rig")
+    if parameter.file != files.tasks.noun or path[0] != "law":
+        return ""
+    axes = rig.get("axes")
+    names = list(axes) if isinstance(axes, dict) else []
+    pairs: list[tuple[KeyPath, KeyPath]] = [
+        (("law", name) if len(names) > 1 else ("law",), ("axes", name, "law")) for name in names
+    ]
+    for own, theirs in pairs or [(("law",), ("law",))]:
+        inherited = value_at(campaign, own) is None and value_at(rig, theirs) is not None
+        if inherited and path[: len(own)] == own:
+            return ".".join(map(str, ("rig", *theirs, *path[len(own) :])))
+    return ""
 
 
 def _with_option_key(problem: Problem, parameter: SweepParameter, noun: str) -> Problem:
@@ -208,15 +238,16 @@ def _with_option_key(problem: Problem, parameter: SweepParameter, noun: str) -> 
     return problem._replace(key=key, message=message)
 
 
-def parameter_unit(parameter: SweepParameter, plant: Mapping[str, Any]) -> str:
+def parameter_unit(parameter: SweepParameter, task: SweepTask) -> str:
     """Return the unit of a parameter; empty for text and dimensionless numbers."""
     # The path of a plant value ends with `value`, or with `value` and the index in a list.
     if parameter.file == "plant" and "value" in parameter.path:
-        entry: Any = plant
+        entry: Any = task.plant
         for part in parameter.path[: parameter.path.index("value")]:
             entry = entry[part]
         return str(entry.get("unit", ""))
-    return unit_of_path(parameter.path)
+    unit = unit_of_path(parameter.path)
+    return unit or (task.plant_unit(parameter.path) if parameter.file == "plant" else "")
 
 
 def unit_of_path(path: Sequence[str | int]) -> str:

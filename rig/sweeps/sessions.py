@@ -10,6 +10,7 @@ import numpy as np
 
 from rig.analysis.rows import COMPLETE
 from rig.config.problems import Problem
+from rig.config.yaml_source import KeyPath
 from rig.planning.input_files import InputFile, MappingLoader
 from rig.presentation.phrases import unit_text
 from rig.sweeps.simulator import SessionSimulation, SessionSimulator
@@ -37,6 +38,10 @@ class SessionTask:
     def __init__(self, session: Any, simulation: SessionSimulation) -> None:
         self.session, self.simulation = session, simulation
         self.name, self.plant = str(session.file.name), session.plant
+
+    def plant_unit(self, path: KeyPath) -> str:
+        """Return an empty text: the plant file of a bench has the unit of each number."""
+        return ""
 
     @property
     def inputs(self) -> list[tuple[str, str]]:

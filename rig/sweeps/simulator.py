@@ -97,6 +97,9 @@ class Simulation(Protocol):
     def problems(self, parts: CampaignParts) -> tuple[Problem, ...]:
         """Return all problems that would keep loop or plant from starting."""
 
+    def plant_unit(self, campaign: AnyCampaign, path: KeyPath) -> str:
+        """Return the unit of a plain number of the plant file at a key; empty if it has none."""
+
     def plant_data(self, campaign: AnyCampaign) -> tuple[InputFile, ...]:
         """Return the data files that the plant file names."""
 

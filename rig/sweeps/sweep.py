@@ -66,7 +66,7 @@ def build_dataset(
     if row_dims:
         coords["row"] = xarray.Variable("row", task.rows)
     for parameter in parameters:
-        unit = parameter_unit(parameter, task.plant)
+        unit = parameter_unit(parameter, task)
         coords[parameter.key] = xarray.Variable(
             parameter.key, _values(parameter.values), _units(unit)
         )

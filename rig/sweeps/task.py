@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from pydantic import BaseModel
 
 from rig.config.problems import Problem
+from rig.config.yaml_source import KeyPath
 from rig.planning.input_files import InputFile, MappingLoader
 from rig.sweeps.simulator import Simulator
 
@@ -79,6 +80,9 @@ class SweepTask(Protocol):
     @property
     def plant(self) -> Mapping[str, Any]:
         """The plant file as read, with the units of its values."""
+
+    def plant_unit(self, path: KeyPath) -> str:
+        """Return the unit of a plain number of the plant file; empty if it has none."""
 
     @property
     def rows(self) -> Sequence[int]:

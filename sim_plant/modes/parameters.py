@@ -7,15 +7,17 @@ Translations are in m, N and kg, rotations in rad, N m and kg m2.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from sim_plant.entries import StrictModel, Text
 from sim_plant.modes import readings
+from sim_plant.modes.bem_content import rotates
 
 MODE_SIGNALS = {"position": readings.MODE_POSITION, "velocity": readings.MODE_VELOCITY}
 BUS_SIGNALS = {
@@ -27,8 +29,19 @@ MAX_COUNTS = 1.0e9  # per unit of an axis: `sensors.encoder_count` has no larger
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 
-def _plain(*units: str) -> BeforeValidator:
-    """Return a validator that takes the value out of {value, unit, source} and checks the unit."""
+@dataclass(frozen=True)
+class _Plain(BeforeValidator):
+    """A validator of a number, and the unit of a plain one: of a translation and of a rotation."""
+
+    unit: str = ""
+    rotary: str = ""
+
+
+def _plain(*units: str, rotary: str = "") -> _Plain:
+    """Return a validator that takes the value out of {value, unit, source} and checks the unit.
+
+    A plain number has the first unit or, of a rotation, the unit ``rotary``.
+    """
 
     def take(given: Any) -> Any:
         if not isinstance(given, dict):
@@ -38,15 +51,18 @@ def _plain(*units: str) -> BeforeValidator:
             raise ValueError("is neither a number nor a mapping of value, unit and source")
         unit = given.get("unit")
         if unit is not None and unit not in units:
-            raise ValueError(f"unit {unit!r} is not allowed; allowed: {', '.join(units)}")
+            names = {"given": unit, "allowed": ", ".join(units)}
+            raise PydanticCustomError(
+                "unit", "unit '{given}' is not allowed; allowed: {allowed}", names
+            )
         return given["value"]
 
-    return BeforeValidator(take)
+    return _Plain(take, unit=units[0], rotary=rotary or units[0])
 
 
-_FORCE_PER_SPEED = _plain("N*s/m", "N s/m", "N*m*s/rad", "N m s/rad", "N m s")
-_STIFFNESS = _plain("N/m", "N*m/rad", "N m/rad", "N m")
-_INERTIA = _plain("kg", "kg*m2", "kg m2", "kg*m^2", "kg m^2")
+_FORCE_PER_SPEED = _plain("N*s/m", "N s/m", "N*m*s/rad", "N m s/rad", "N m s", rotary="N*m*s/rad")
+_STIFFNESS = _plain("N/m", "N*m/rad", "N m/rad", "N m", rotary="N*m/rad")
+_INERTIA = _plain("kg", "kg*m2", "kg m2", "kg*m^2", "kg m^2", rotary="kg*m2")
 _ONE = _plain("1")
 _SECOND = _plain("s")
 
@@ -58,14 +74,14 @@ Damping = Annotated[float, Field(ge=0.0, le=1.0e12), _FORCE_PER_SPEED]
 QuadraticDamping = Annotated[
     float,
     Field(ge=0.0, le=1.0e12),
-    _plain("N*s2/m2", "N s2/m2", "N*m*s2/rad2", "N m s2/rad2", "N m s2"),
+    _plain("N*s2/m2", "N s2/m2", "N*m*s2/rad2", "N m s2/rad2", "N m s2", rotary="N*m*s2/rad2"),
 ]
-StopPosition = Annotated[float, Field(gt=0.0, le=1.0e3), _plain("m", "rad")]
-Position = Annotated[float, Field(ge=-1.0e3, le=1.0e3), _plain("m", "rad")]
-Force = Annotated[float, Field(ge=0.0, le=1.0e9), _plain("N", "N*m", "N m")]
-Preload = Annotated[float, Field(ge=-1.0e9, le=1.0e9), _plain("N", "N*m", "N m")]
-Radius = Annotated[float, Field(gt=0.0, le=1.0e3), _plain("m", "m/rad", "rad/rad", "1")]
-Pull = Annotated[float, Field(ge=0.0, le=1.0e6), _plain("1/m", "1/rad")]
+StopPosition = Annotated[float, Field(gt=0.0, le=1.0e3), _plain("m", "rad", rotary="rad")]
+Position = Annotated[float, Field(ge=-1.0e3, le=1.0e3), _plain("m", "rad", rotary="rad")]
+Force = Annotated[float, Field(ge=0.0, le=1.0e9), _plain("N", "N*m", "N m", rotary="N*m")]
+Preload = Annotated[float, Field(ge=-1.0e9, le=1.0e9), _plain("N", "N*m", "N m", rotary="N*m")]
+Radius = Annotated[float, Field(gt=0.0, le=1.0e3), _plain("m", "m/rad", "rad/rad", "1", rotary="1")]
+Pull = Annotated[float, Field(ge=0.0, le=1.0e6), _plain("1/m", "1/rad", rotary="1/rad")]
 HalfAngle = Annotated[float, Field(gt=0.0, lt=1.5), _plain("rad")]
 Positions = Annotated[
     list[Annotated[float, Field(ge=-1.0e3, le=1.0e3)]],
@@ -77,9 +93,9 @@ Rates = Annotated[
     Field(min_length=2, max_length=64),
     _STIFFNESS,
 ]
-Speed = Annotated[float, Field(gt=0.0, le=10.0), _plain("m/s", "rad/s")]
+Speed = Annotated[float, Field(gt=0.0, le=10.0), _plain("m/s", "rad/s", rotary="rad/s")]
 TorqueConstant = Annotated[float, Field(gt=0.0, le=1.0e6), _plain("N*m/A", "N m/A", "N/A")]
-GearRatio = Annotated[float, Field(gt=0.0, le=1.0e6), _plain("rad/m", "rad/rad", "1")]
+GearRatio = Annotated[float, Field(gt=0.0, le=1.0e6), _plain("rad/m", "rad/rad", "1", rotary="1")]
 Counts = Annotated[int, Field(gt=0, le=2**40), _plain("count", "1")]
 CountOffset = Annotated[int, Field(ge=-(10**9), le=10**9), _plain("count", "1")]
 Bandwidth = Annotated[float, Field(gt=0.0, le=1.0e5), _plain("Hz")]
@@ -533,3 +549,37 @@ class Plant(StrictModel):
         if self.bus is not None:
             found |= {f"bus.{name}": (kind, 0) for name, kind in BUS_SIGNALS.items()}
         return found | {"wave.elevation": (readings.ELEVATION, 0)}
+
+
+def plain_unit(plant: Plant, path: Sequence[str], rotary_axes: Collection[str]) -> str:
+    """Return the unit of a plain number of a plant; empty without one, "1" for a ratio.
+
+    ``rotary_axes``: axes that turn, as the rig file says. Modes turn by the name of their degree of
+    freedom.
+    """
+    section, name, *_ = (*path, "", "")
+    mode = plant.modes.get(name) if section == "modes" else None
+    turns = name in rotary_axes if section == "axes" else bool(mode and rotates(mode.dof or ""))
+    found: list[Any] = [Plant]
+    for part in path:
+        found = [below for each in found for below in _below(each, part)]
+    units = (each for each in found if isinstance(each, _Plain))
+    return next((each.rotary if turns else each.unit for each in units), "")
+
+
+def _below(annotation: Any, part: str) -> Iterator[Any]:
+    """Yield the annotations and validators of a key below an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        field = annotation.model_fields.get(part)
+        if field is not None:
+            yield from (field.annotation, *field.metadata)
+            yield from _inside(field.annotation)
+    elif getattr(annotation, "__origin__", None) is dict:
+        yield from (get_args(annotation)[1], *_inside(get_args(annotation)[1]))
+
+
+def _inside(annotation: Any) -> Iterator[Any]:
+    """Yield the parts of a union or an annotated type, of any depth."""
+    for each in (*get_args(annotation), *getattr(annotation, "__metadata__", ())):
+        yield each
+        yield from _inside(each)

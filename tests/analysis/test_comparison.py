@@ -9,16 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 import synthetic_runs as synthetic
+import xarray
 from matplotlib.image import imread
 from synthetic_runs import COLUMNS, POWERS, Row, Shape
+from test_slices import rows
 from typer.testing import CliRunner
 
+from rig import laws
+from rig.analysis import comparison as comparisons
 from rig.analysis import summary as summaries
 from rig.analysis.comparison import (
     Comparison,
     Pair,
     as_json,
-    as_text,
     compare,
     describe_pair,
     match,
@@ -27,10 +30,13 @@ from rig.analysis.comparison import (
     write_csv,
 )
 from rig.analysis.comparison_picture import write_comparison
+from rig.analysis.comparison_text import as_text
 from rig.analysis.differences import differences
 from rig.analysis.points import Matrix, Point
 from rig.analysis.report import analyse
+from rig.analysis.rows import contents_attributes
 from rig.cli.app import app
+from rig.kinds.wavebot.row_contents import row_contents
 from rig.recording.runs.folder import RunInfo
 from rig.row_contents import find_column
 
@@ -382,6 +388,58 @@ def test_best_points_and_rig_times_stand_side_by_side_without_a_common_set_point
     assert re.search(r"^ +B +[−-]\S+ ± \S+   row \d+: .*Kp ", lines[begin + 1])
     assert "B - A" in lines[begin + 2]
     assert re.search(r"^rig time \d+:\d\d$", analysed(tmp_path / "grid"), re.MULTILINE)
+
+
+def of_law(law: str, settings: list[dict[str, float]], offset: float) -> xarray.Dataset:
+    """Return a row table of one law in the seas of seeds 1 and 2: -10 W and -20 W at the best."""
+    seeds = [1] * len(settings) + [2] * len(settings)
+
+    def power(setting: dict[str, float]) -> dict[str, float]:
+        return dict.fromkeys(POWERS, sum(setting.values()) - setting["spring_rate"])
+
+    table = rows(settings * 2, power)
+    for name in POWERS:
+        table[f"power_{name}"] = table[f"power_{name}"] + offset - 10.0 * np.array(seeds)
+    contents = contents_attributes(row_contents(laws.own(law).columns))
+    return table.assign(seed=("row", seeds)).assign_attrs(contents)
+
+
+def test_runs_with_different_axes_are_compared_by_their_best_points(
+    runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing says which damping belongs to which Kp: each point would pair with every other."""
+    spring = {"spring_rate": 490.9}
+    tables = {
+        "cots": of_law("impedance", [{**spring, "kp": k, "ki": 0.0} for k in (1, 2, 3)], 0.0),
+        "custom": of_law(
+            "nonlinear damping", [{**spring, "quadratic": b, "coulomb": 0.0} for b in (4, 5)], -7.0
+        ),
+    }
+    read = comparisons.current_table
+
+    def with_record(run: Path, **options: bool) -> xarray.Dataset:
+        state = read(run, **options).attrs["record_state"]
+        return tables[run.name].assign_attrs(record_state=state)
+
+    monkeypatch.setattr(comparisons, "current_table", with_record)
+    comparison = compare(runs / "cots", runs / "custom")
+    assert comparison.matched.axes_differ
+    assert comparison.matched.pairs == ()
+    text = as_text(comparison)
+    assert (
+        "!! DIFFERENT AXES: A alone varies Kp; B alone varies quadratic damping; the best points "
+        "are compared"
+    ) in text
+    assert "Only in" not in text
+    assert "pairs of points" not in text
+    values = as_json(comparison)
+    assert values["axes_differ"]
+    assert [values["best"]["dc"][side]["mean_w"] for side in "ab"] == [1.0 - 15.0, 4.0 - 22.0]
+    for seed in (1, 2):
+        best = values["best_by_seed"][str(seed)]["dc"]
+        expected = [1.0 - 10.0 * seed, 4.0 - 7.0 - 10.0 * seed]
+        assert [best[side]["mean_w"] for side in "ab"] == expected
+        assert re.search(rf"electrical DC +seed {seed} .* B - A +−4\.00\n", text)
 
 
 def analysed(run: Path) -> str:

@@ -1,5 +1,6 @@
 """Slices through a matrix of many columns: their position, their points and their remarks."""
 
+import json
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -396,3 +397,16 @@ def test_small_power_differences_are_drawn_flat() -> None:
     assert hilly.norm(-67.0) - hilly.norm(-68.0) > 0.7
     symmetric = panel.power_scale([0.01, 0.02], symmetric=True)
     assert symmetric.norm(0.0) == pytest.approx(0.5)
+
+
+def test_match_of_the_impedance_is_marked_at_the_body() -> None:
+    """Inside the grid only, and on the panels of the first station."""
+    table = rows(three_springs(), own_optima)
+    match = {"kp": -1500.0, "ki": 9000.0, "kp_real": -2500.0}
+    figure = Figure(figsize=(10.0, 9.0), layout="constrained")
+    draw_surfaces(figure, table.assign_attrs(impedance_match=json.dumps(match)), 10.0)
+    panels = [axes for axes in figure.axes if axes.get_subplotspec() is not None]
+    for axes in panels:
+        marks = [line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "+"]
+        assert marks == ([[[0.0, -2500.0]]] if axes in panels[:3] else [])
+    assert "\N{MINUS SIGN}|Z|" in [text.get_text() for text in panels[0].texts]

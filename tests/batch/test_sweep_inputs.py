@@ -6,6 +6,7 @@ import inspect
 import shutil
 from importlib import metadata
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,10 +14,11 @@ from rehearsing import CONFIGS, write_campaign
 
 from rig.config.problems import ConfigError
 from rig.kinds import registry
-from rig.sweeps import sweep
+from rig.sweeps import parameters, sweep
 from rig.sweeps.cases import Case
 from rig.sweeps.simulator import ROOM, SessionSimulation, Simulation
 
+NONLINEAR = {"quadratic_n_s2_per_m2": 100, "coulomb_n": 0}
 POINT = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
 
 
@@ -95,6 +97,41 @@ def test_data_changed_during_a_sweep_fail_its_cases(tmp_path: Path) -> None:
     elevation.write_text(elevation.read_text() + "\n")
     outcome = test_sweep.cases.run(Case(1, 1, 0))
     assert outcome.failed.endswith("other.csv was changed since the sweep began")
+
+
+def test_parameter_of_a_law_in_the_rig_file_is_named(tmp_path: Path) -> None:
+    law = "{use: nonlinear damping, smoothing_m_per_s: 0.01}"
+    wavebot = CONFIGS / "rigs" / "wavebot.yaml"
+    (tmp_path / "own.yaml").write_text(f"extends: {wavebot}\nlaw: {law}\n")
+    point = {"spring_n_per_m": 490.9, **NONLINEAR}
+    path = make_campaign(tmp_path, rig=str(tmp_path / "own.yaml"), matrix={"list": [point]})
+    with pytest.raises(ConfigError) as raised:
+        open_test_sweep(path, "law.smoothing_m_per_s=0.01,0.02")
+    (problem,) = raised.value.problems
+    message = "the law is that of the rig file: write rig.law.smoothing_m_per_s=V1,V2,..."
+    assert (problem.key, problem.message) == ("law.smoothing_m_per_s", message)
+    assert len(open_test_sweep(path, "rig.law.smoothing_m_per_s=0.01,0.02").cases) == 2
+
+
+@pytest.mark.parametrize(
+    ("campaign", "axes", "key", "found"),
+    [
+        ({}, ["heave"], "law.x", "rig.axes.heave.law.x"),
+        ({"law": {"x": 1}}, ["heave"], "law.x", ""),
+        ({"law": {"roll": {}}}, ["heave", "roll"], "law.heave.x.0", "rig.axes.heave.law.x.0"),
+        ({"law": {"roll": {}}}, ["heave", "roll"], "law.roll.x", ""),
+        ({}, [], "law.x", ""),
+        ({}, ["heave"], "rig.law.x", ""),
+    ],
+)
+def test_law_of_an_axis_in_the_rig_file(
+    campaign: dict[str, Any], axes: list[str], key: str, found: str
+) -> None:
+    tasks: Any = SimpleNamespace(noun="campaign", keys=("law",), fixed_keys={})
+    rig = {"axes": {axis: {"law": {"x": 1}} for axis in axes}}
+    files: Any = SimpleNamespace(tasks=tasks, mapping=lambda key: rig if key else campaign)
+    (parameter,) = parameters.parse_parameters([f"{key}=1,2"], tasks).parameters
+    assert parameters._key_of_rig_law(parameter, files) == found
 
 
 def test_worker_must_have_the_files_named_by_values(tmp_path: Path) -> None:

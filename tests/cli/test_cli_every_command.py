@@ -47,6 +47,15 @@ def test_a_command_has_json_and_help_for_every_option(name: str) -> None:
         assert Text.from_markup(text).plain == text.replace("\\[", "[")  # no part is read as markup
 
 
+@pytest.mark.parametrize("command", [(), ("run",), ("scan",), ("scan", "can"), ("matrix",)])
+def test_short_option_of_help(command: tuple[str, ...]) -> None:
+    """Of the core's commands, of a group, and of a kind of rig."""
+    short, long = rig(*command, "-h"), rig(*command, "--help")
+    assert short.returncode == long.returncode == 0
+    assert short.stdout == long.stdout
+    assert f"Usage: {' '.join(('rig', *command))} " in short.stdout
+
+
 def test_help_of_a_group_has_its_commands_and_texts() -> None:
     """That of a kind, too, and no options of shells."""
     shown = rig("new", "--help").stdout

@@ -143,13 +143,17 @@ def test_lines_show_time_left_losses_and_each_notice_once(
     # 100 s of waves were planned from 20 s on; they began 9 s later, when the stator had arrived.
     plan.wave_seconds = 100.0
     now[0] += 15.0
-    view(snapshot(**{"time": 60.0, "plan.wave_clock": 31.0, "plan.row": 2}))
-    assert "1:00 of 2:09" in capsys.readouterr().err
+    moved = snapshot(**{"time": 60.0, "plan.wave_clock": 31.0, "plan.row": 2})
+    view(moved._replace(compiling=True))
+    line = capsys.readouterr().err
+    assert "1:00 of 2:09" in line
+    assert " x real time (interpreted, compiling)  " in line
     now[0] += 15.0  # the stop at the end of the plan takes slightly longer than planned
     over = {"plan.phase": float(Phase.DONE), "safety.reason": float(Reason.PLAN_END)}
     view(snapshot(**{"time": 129.6, "plan.wave_clock": 100.6} | over))
     line = capsys.readouterr().err
     assert "2:10 of 2:10 rig time, 0:00 left" in line
+    assert "compiling" not in line
     assert "row 2" in line
     view.notice = "stopping"
     for _ in range(3):

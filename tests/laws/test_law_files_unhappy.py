@@ -14,6 +14,7 @@ from rig_command import rig_here
 from test_adding_a_law import PAGE, check, write_example
 
 from rig import laws, plug_ins
+from rig.campaign import law_checks
 from rig.kinds.wavebot.tick import KIND, find_kind
 from tests.docs.blocks import file_of
 
@@ -204,9 +205,37 @@ def test_a_law_that_drives_the_body_is_a_warning(write: Write) -> None:
     assert "force times velocity is +" in text
 
 
+def test_each_set_point_is_tried_twice(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Problems and warnings come from the same two trials."""
+    path, tried = write(), list[Any]()
+    swing = law_checks._swing
+    monkeypatch.setattr(law_checks, "_swing", lambda *given: tried.append(given) or swing(*given))
+    report = check(path)[1]
+    assert report["ok"]
+    assert len(tried) == 2 * report["rows"] > 0
+
+
 def test_a_unit_that_contradicts_its_key_is_refused(write: Write) -> None:
-    message = only_problem(write('"N*s/m"', '"kN*s/m"'))["message"]
-    assert "ends with the unit N*s/m, but its unit is 'kN*s/m'" in message
+    message = only_problem(write('"N*s/m"', '"N*s"'))["message"]
+    assert message == "the key c0_n_s_per_m ends with the unit N*s/m, but its unit is 'N*s'"
+
+
+@pytest.mark.parametrize("key", ["c0_n_s_per_m", "c0_kn_s_per_m", "c0"])
+def test_a_multiple_of_an_si_unit_is_refused_with_its_factor(key: str, write: Write) -> None:
+    law = GOOD.replace('"c0_n_s_per_m", "c0", "N*s/m"', f'"{key}", "c0", "kN*s/m"')
+    path = write(law=law)
+    path.write_text(path.read_text().replace("c0_n_s_per_m", key))
+    assert only_problem(path)["message"] == (
+        f"the unit of {key} is 'kN*s/m', and laws have SI units: "
+        "write the value in N*s/m, 1 kN*s/m = 1000 N*s/m"
+    )
+    law = GOOD.replace('"c0_n_s_per_m"', '"c0_kn_s_per_m"')
+    path = write(law=law)
+    path.write_text(path.read_text().replace("c0_n_s_per_m", "c0_kn_s_per_m"))
+    assert only_problem(path)["message"] == (
+        "the key c0_kn_s_per_m ends with the unit kN*s/m, but its unit is 'N*s/m': "
+        "write the value in N*s/m, 1 kN*s/m = 1000 N*s/m"
+    )
 
 
 def test_any_exception_of_params_is_named_with_its_line(write: Write) -> None:

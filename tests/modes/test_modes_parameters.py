@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from sim_plant import sea_states
 from sim_plant.modes import building
-from sim_plant.modes.parameters import Plant
+from sim_plant.modes.parameters import Plant, plain_unit
 from sim_plant.modes.world import World
 
 LINE: dict[str, Any] = {
@@ -30,6 +30,8 @@ MAGNETIC: dict[str, Any] = {
     "stator_positions": [-0.1, 0.0, 0.1],
     "rates": [5000, 400, -6000],
 }
+
+PLANT = Plant.model_validate(mapping({"heave": HEAVE, "pitch": PITCH}))
 
 
 def test_a_number_may_have_unit_and_source() -> None:
@@ -173,3 +175,33 @@ def test_factors_couple_inertia() -> None:
     total = building.inertia_matrix(plant, model.bem)
     own = total - model.bem.added_mass_infinite
     assert own.ravel().tolist() == pytest.approx([3176.0, 20.0, 20.0, 1010.0])
+
+
+@pytest.mark.parametrize(
+    ("path", "turning", "unit"),
+    [
+        ("modes.heave.linear_damping", (), "N*s/m"),
+        ("modes.heave.quadratic_damping", (), "N*s2/m2"),
+        ("modes.heave.stiffness", (), "N/m"),
+        ("modes.heave.mass", (), "kg"),
+        ("axes.pto.viscous_friction", (), "N*s/m"),
+        ("axes.pto.viscous_friction", ("pto",), "N*m*s/rad"),
+        ("axes.pto.inertia", ("pto",), "kg*m2"),
+        ("axes.pto.coulomb_friction", ("pto",), "N*m"),
+        ("axes.pto.spring.rate", ("pto",), "N*m/rad"),
+        ("axes.pto.drive.resistance_ohm", ("pto",), "ohm"),
+        ("delay_s", (), "s"),
+        ("name", (), ""),
+        ("modes.heave.unknown", (), ""),
+    ],
+)
+def test_unit_of_a_plain_number(path: str, turning: tuple[str, ...], unit: str) -> None:
+    axis = next(iter(PLANT.axes))
+    parts = [axis if part == "pto" else part for part in path.split(".")]
+    assert plain_unit(PLANT, parts, [axis] * len(turning)) == unit
+
+
+def test_plain_numbers_of_a_mode_that_turns() -> None:
+    units = {"mass": "kg*m2", "linear_damping": "N*m*s/rad", "stiffness": "N*m/rad"}
+    for name, unit in units.items():
+        assert plain_unit(PLANT, ("modes", "pitch", name), ()) == unit

@@ -17,6 +17,7 @@ from mode_plants import CYLINDER
 from test_modular_simulation import LAW_PAGE, make_campaign
 
 from rig.analysis.rows import row_table
+from rig.kinds.modular.match import impedance_match
 from rig.kinds.modular.simulation import check_model
 from rig.recording.runs import open_run
 from tests.docs.blocks import file_of
@@ -51,6 +52,28 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(campaign: Path) -> Path:
     """Return the folder of a rehearsal of the campaign."""
     return Path(run_rig("run", campaign, "--runs", campaign.parent / "runs")["folder"])
+
+
+def test_match_is_that_of_the_bem_file(campaign: Path) -> None:
+    """By the coefficients of the file itself, without the fit of the radiation memory."""
+    opened, _ = open_campaign_plan(campaign)
+    match = impedance_match(opened)
+    sea, mode = opened.file.sea, opened.plant["modes"]["heave"]
+    omega = 2.0 * np.pi * sea.frequency_hz
+    with xarray.open_dataset(CYLINDER) as bem:
+        heave = bem.sel(influenced_dof="Heave", radiating_dof="Heave").sortby("omega")
+        added, damping = (
+            float(np.interp(omega, heave["omega"], heave[name]))
+            for name in ("added_mass", "radiation_damping")
+        )
+    axis = opened.plant["axes"]["heave"]
+    reactance = omega * (mode["mass"] + axis["inertia"] + added) - mode["stiffness"] / omega
+    resistance = damping + mode["linear_damping"] + axis["viscous_friction"]
+    assert match["kp"] == pytest.approx(-resistance, rel=0.01)
+    assert match["ki"] == pytest.approx(-omega * reactance, rel=0.01)
+    assert match["kp_real"] == pytest.approx(-np.hypot(resistance, reactance), rel=0.01)
+    irregular = opened.file.model_copy(update={"sea": None})
+    assert impedance_match(opened._replace(file=irregular)) == {}
 
 
 @pytest.mark.slow

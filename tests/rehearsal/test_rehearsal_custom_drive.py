@@ -27,8 +27,9 @@ from rehearsing import (
     write_yaml,
 )
 
-from rig.analysis.comparison import as_text, compare, power_difference
+from rig.analysis.comparison import compare, power_difference
 from rig.analysis.comparison_picture import write_comparison
+from rig.analysis.comparison_text import as_text
 from rig.analysis.effects import Effect, Effects, compute_effects, effect_notes
 
 SHORT = CONFIGS / "campaigns" / "mask4_run_120_short.yaml"

@@ -15,6 +15,7 @@ from controllers import impedance
 from rig.config.matrix import END_MARK, KindColumns, combination_model
 from rig.config.problems import ConfigError, Problem, format_number, format_value
 from rig.config.ranges import allowed_values
+from rig.config.unit_factors import factor_note
 from rig.interop.legacy.table import SKIPPED, Table, TableRow, read_table, to_numbers
 from rig.presentation.phrases import count_text
 
@@ -188,7 +189,9 @@ def _resolve_name(label: str, known: tuple[Column, ...]) -> tuple[str, str]:
     for column in known:
         if _plain(bare) in {_plain(n) for n in (column.name, column.legacy, *column.aliases)}:
             if unit and _compact(unit) not in {_compact(u) for u in column.units}:
-                return "", f"{label!r}: unit {unit}; allowed {column.units[0]}"
+                note = factor_note(unit, column.units)
+                text = f"{label!r}: unit {unit}; allowed {column.units[0]}"
+                return "", f"{text}: {note}" if note else text
             return column.name, ""
     names = [column.legacy for column in known]
     near = difflib.get_close_matches(bare, names, n=1, cutoff=0.6)

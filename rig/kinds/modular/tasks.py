@@ -6,7 +6,7 @@ from typing import Any
 
 from rig.campaign import AnyCampaign, AnyPlan, CheckReport, resolved_config
 from rig.campaign.equilibrium import NoEquilibrium, equilibrium_problems
-from rig.campaign.law_checks import compilation_problems, law_warnings
+from rig.campaign.law_checks import compilation_problems, rule_warnings
 from rig.campaign.record import law_source, plan_record, reference_record
 from rig.campaign.set_points import row_setting
 from rig.config.problems import Problem
@@ -16,6 +16,7 @@ from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.equilibrium import equilibrium_check
+from rig.kinds.modular.match import impedance_match
 from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding
 from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
 from rig.kinds.modular.row_contents import axis_channels, row_contents
@@ -23,6 +24,7 @@ from rig.kinds.modular.tick import find_kind
 from rig.planning.input_files import ConfigSource
 from rig.planning.point import Point
 from rig.processes.run_types import ExecutionMode, Task
+from rig.row_contents import MATCH
 from sim_plant.modes.building import read_bem
 from sim_plant.modes.parameters import Plant
 
@@ -43,7 +45,7 @@ def examine(
     unstable = _points_without_equilibrium(campaign)
     if refused := tuple(problem for problem, can_run in unstable if not can_run):
         return CheckReport(path, refused, None, None)
-    law_texts = tuple(law_warnings(campaign, report.plan))
+    law_texts = (*rule_warnings(campaign), *report.law_warnings)
     not_compiled = tuple(compilation_problems(campaign, report.plan.dt))
     plant_warnings = (*_plant_warnings(campaign), *(problem for problem, _ in unstable))
     return report._replace(
@@ -104,6 +106,8 @@ def _plan_record(campaign: AnyCampaign, plan: AnyPlan) -> dict[str, Any]:
         newtons_per_ampere(motor),
         lambda axis: axis_channels(rig, axis, file.axis_laws.values()),
     )
+    if match := impedance_match(campaign):
+        record[MATCH] = match
     return record | sea_record(campaign)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from rig import laws
 from rig.campaign import CheckReport, resolved_config
-from rig.campaign.law_checks import compilation_problems, law_warnings
+from rig.campaign.law_checks import compilation_problems, rule_warnings
 from rig.campaign.record import law_source, plan_record, reference_record
 from rig.design.axis_params import newtons_per_ampere
 from rig.emulation.campaign_sea import sea_record
@@ -38,7 +38,7 @@ def examine(
         return report
     return report._replace(
         not_predicted=rows.unpredicted_reason(report.campaign, report.plan),
-        law_warnings=tuple(law_warnings(report.campaign, report.plan)),
+        law_warnings=(*rule_warnings(report.campaign), *report.law_warnings),
         not_compiled=tuple(compilation_problems(report.campaign, report.plan.dt)),
     )
 

@@ -18,6 +18,7 @@ from rig.kinds.modular.rehearsal import job
 from rig.planning.input_files import ConfigSource, InputFile, hash_input_file
 from rig.row_contents import RowContents
 from sim_plant.modes.bem import bem_files
+from sim_plant.modes.parameters import Plant, plain_unit
 
 if TYPE_CHECKING:
     from rig.kinds.modular.simulation.simulation import CampaignSimulator
@@ -39,6 +40,13 @@ def matching_keys(rig: Mapping[str, Any]) -> dict[KeyPath, KeyPath]:
 def row_contents(campaign: Any) -> RowContents:
     """Return the contents of the row table of a campaign."""
     return contents.row_contents(campaign.rig, campaign.file.columns())
+
+
+def plant_unit(campaign: Any, path: KeyPath) -> str:
+    """Return the unit of a plain number of the plant file at a key; empty if it has none."""
+    turning = {name for name, axis in campaign.rig.axes.items() if axis.motion == "rotation"}
+    unit = plain_unit(Plant.model_validate(campaign.plant), [*map(str, path)], turning)
+    return "" if unit == "1" else unit
 
 
 def plant_data(campaign: Any) -> tuple[InputFile, ...]:

@@ -10,6 +10,7 @@ from pydantic import Field, field_validator
 
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number, format_value
+from rig.config.unit_factors import factor_note
 
 CONSTANT_UNITS = {
     "torque_constant": "N*m/A",
@@ -104,6 +105,8 @@ class ConstantsFile(FileModel):
             if constant.unit != unit:
                 key = ("constants", name, "unit")
                 message = f"{constant.unit!r} is not the unit of {name}; allowed {unit}"
+                if note := factor_note(constant.unit, [unit]):
+                    message += f": {note}"
                 yield RuleViolation(key, message, constant.unit)
             if constant.value <= 0.0:
                 key = ("constants", name, "value")

@@ -40,6 +40,11 @@ def row_contents(campaign: Campaign) -> RowContents:
     return contents.row_contents(campaign.file.heave_law.columns)
 
 
+def plant_unit(campaign: Campaign, path: KeyPath) -> str:
+    """Return an empty text: the plant file has the unit of each number."""
+    return ""
+
+
 def plant_data(campaign: Campaign) -> tuple[InputFile, ...]:
     """Return the BEM files of a campaign's plant."""
     bem, surge = bem_paths(campaign.plant, campaign.plant_locate)

@@ -1,0 +1,84 @@
+"""Laws that raise or demand NaN during a run: its last message names law, line and signal."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rig_command import rig_here
+from test_adding_a_law import PAGE, write_example
+
+from rig.processes.loop_process import _failure_text
+from rig.processes.not_finite import first_not_finite
+from rig.realtime.compiled_tick import EXCEPTION_TEXT
+from rig.realtime.reasons import Reason
+from rig.recording.runs.folder import STATUS
+from tests.docs.blocks import file_of
+
+GOOD = file_of(PAGE, "growing_damping.py")
+LATE = """\
+    ticks = state.ticks + 1
+    if ticks == 3500:
+        {code}
+    return State(c0, c1, ticks),"""  # after the 2 s of the trial
+
+
+def run_of(folder: Path, code: str, *options: str) -> tuple[str, dict[str, Any], int]:
+    """Run a law with code that acts after 3.5 s; return errors, status, and the code's line."""
+    path = write_example(folder)
+    law = GOOD.replace("    c1: Ramp\n", "    c1: Ramp\n    ticks: int\n", 1)
+    law = law.replace("ramp_start(0.0))", "ramp_start(0.0), 0)", 1)
+    law = law.replace("    return State(c0, c1),", LATE.format(code=code), 1)
+    (folder / "growing_damping.py").write_text(law)
+    exit_code, _, errors = rig_here("run", path, "--runs", folder / "runs", *options)
+    assert exit_code != 0
+    (run,) = (folder / "runs").iterdir()
+    line = law.partition(code)[0].count("\n") + 1
+    return errors, json.loads((run / STATUS).read_text()), line
+
+
+def test_exception_of_a_law_is_named_with_its_line(tmp_path: Path) -> None:
+    errors, status, line = run_of(tmp_path, "force = force / 0.0", "--interpreted")
+    text = f"growing_damping.py:{line}: ZeroDivisionError: float division by zero"
+    assert status["status"] == "crashed"
+    assert status["reason"].startswith("loop: the law raised an exception: ")
+    assert status["reason"].endswith(text)
+    assert text in errors
+
+
+@pytest.mark.parametrize("options", [("--interpreted",), ()])
+def test_nan_of_a_law_is_named(options: tuple[str, ...], tmp_path: Path) -> None:
+    """3500 ticks of 1 ms after the law's start, which is at the end of the tare."""
+    errors, status, _ = run_of(tmp_path, "force = 1e400 - 1e400", *options)
+    assert (status["status"], status["reason"]) == ("fault", "NOT_FINITE")
+    (message,) = status["messages"]
+    assert message.startswith("the law of the axis heave demanded nan at ")
+    assert message.endswith(" (log field heave.demand.force)")
+    assert message in errors
+
+
+def row(time: float, reason: Reason = Reason.NONE, **values: float) -> dict[str, float]:
+    fields = {"heave.sense.current": 0.0, "heave.demand.force": 0.0, "load.lcb": 0.0}
+    named = {name.replace("__", "."): value for name, value in values.items()}
+    return {"time": time, "safety.reason": reason, **fields, "probe": float("nan"), **named}
+
+
+def test_first_signal_is_the_cause_of_the_others() -> None:
+    nan, trip = float("nan"), Reason.NOT_FINITE
+    sensed = [row(0.0), row(1.0), row(2.0, trip, load__lcb=nan, heave__sense__current=nan)]
+    assert first_not_finite(sensed) == (
+        "the first value that is no number was nan at 2.000 s (log field heave.sense.current)"
+    )
+    late = [row(0.0), row(1.0, heave__demand__force=float("inf")), row(2.0, trip, load__lcb=nan)]
+    assert first_not_finite(late) == (
+        "the law of the axis heave demanded inf at 1.000 s (log field heave.demand.force)"
+    )
+    assert not first_not_finite([row(0.0), row(1.0, load__lcb=nan), row(2.0, Reason.POSITION)])
+
+
+def test_exception_of_compiled_code_says_how_to_get_its_line() -> None:
+    assert _failure_text(ArithmeticError(EXCEPTION_TEXT)) == (
+        "the compiled tick raised an exception; `rig run --interpreted` names its file and line"
+    )

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.identification.frf import band_radius
 from rig.identification.impedances import interpolate_impedance
 from rig.identification.report import JSON
 from rig.presentation.json_values import json_value
@@ -129,8 +130,11 @@ def _values(response: dict[str, Any]) -> tuple[Complexes, Floats]:
         np.array(response[part], dtype=np.float64)
         for part in ("re", "im", "noise_band", "total_band")
     )
-    systematic = np.array(response.get("systematic_band", 0.0), dtype=np.float64)
-    return real + 1j * imaginary, np.where(np.isfinite(noise), noise, total) + systematic
+    systematic, rounding = (  # runs before 2027 have none
+        np.array(response.get(part, 0.0), dtype=np.float64)
+        for part in ("systematic_band", "rounding_band")
+    )
+    return real + 1j * imaginary, band_radius(noise, total, systematic, rounding)
 
 
 def _spring_rate(model: dict[str, Any]) -> float:

@@ -122,6 +122,7 @@ def _response_parts(response: Response) -> dict[str, Floats]:
         "noise_band": response.noise,
         "total_band": response.total,
         "systematic_band": response.systematic,
+        "rounding_band": response.rounding,
     }
 
 

@@ -68,7 +68,7 @@ class Experiment(NamedTuple):
     labels: Mapping[str, str] = {}  # of channels, in pictures
     rotates: bool = False  # N m for N and rad for m
     rounding: Floats | None = None
-    """Standard deviation of the mean velocity by the encoder's counts, m/s, by line; None: unknown."""
+    """Standard deviation of the mean velocity by the encoder, m/s, by line; None: unknown."""
 
     @property
     def frequency(self) -> Floats:

@@ -171,6 +171,8 @@ def test_a_bem_file_is_compared_with_the_impedance(tmp_path: Path) -> None:
     assert np.abs(reactance - found["im"]).max() < 0.01 * np.abs(reactance).max()
     (fitted,) = model["fits"]["Z_i"]
     assert fitted["intervals_95"]["mass_kg"] > 0.0
+    done = rig_here("identify", run, "--order", 4, "--no-pictures")
+    assert "Z_i: M and B of orders 2 and 4 differ by more than their intervals" in done.stdout
     done = rig_here("identify", run, "--bem", BEM.with_name("wavebot_bem.nc"))
     assert done.returncode == 2
     assert "states no hydrostatic stiffness of Heave, so it gives no impedance" in done.stderr
@@ -192,6 +194,10 @@ def test_an_axis_that_rotates_has_its_units(tmp_path: Path) -> None:
     assert entry["responses"]["Z_i"]["unit"] == "N*m*s/rad"
     assert {"spring_n_m_per_rad", "peak_n_m"} <= entry.keys()
     assert "mass_kg_m2" in entry["fits"]["Z_i"][0]
+    assert (
+        f"mass {entry['fits']['Z_i'][0]['mass_kg_m2']:.0f}±"
+        in rig_here("identify", "--compare", run, run, "--no-pictures").stdout
+    )
     done = rig_here("identify", "--compare", run, run, "--json")
     assert json.loads(done.stdout)["differences"][0]["worst"] < 1e-12
 

@@ -135,7 +135,7 @@ def test_it_goes_on_with_emulated_devices(tmp_path: Path, number: signal.Signals
     assert (table["periods"].values >= 1).all()
     assert ((table["periods"].values == expected) | (table["lost_ticks"].values > 0)).all()
     assert (table["power_mechanical_1"].values < 0.0).all()
-    record = open_run(run, ["plan"])
+    record = open_run(run, ["plan", "tick"])
     plan = run_info(run).plan["resumed"]
     assert 0 in plan["rows"]
     assert plan["stage"] == stages + 1

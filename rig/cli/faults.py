@@ -21,8 +21,20 @@ from rig.config.shipped_files import FAULTS
 from rig.config.wiring import WiringError
 from rig.emulation.control_client import ControlError
 from rig.execution.emulated_rig import EmulatedRig, check_task, emulated_rig
-from rig.execution.fault_runs import RehearsedFault, available_faults, rehearse_faults
-from rig.execution.fault_table import FaultRow, FaultTable, load_table, missing_rows, unknown_rows
+from rig.execution.fault_runs import (
+    RehearsedFault,
+    available_faults,
+    fault_limits,
+    rehearse_faults,
+)
+from rig.execution.fault_table import (
+    FaultRow,
+    FaultTable,
+    load_table,
+    missing_rows,
+    refused_values,
+    unknown_rows,
+)
 from rig.kinds.interface import Tasks
 from rig.presentation.console import table_console
 from rig.processes.io_processes import IoProcessError
@@ -117,13 +129,15 @@ class _Rehearsal:
                 _remove_without_runs(self._folder)
 
     def run(self, rig: EmulatedRig) -> None:
-        """Rehearse all faults; ValueError names rows whose fault the devices do not have."""
+        """Rehearse all faults; ValueError names rows whose fault or value is unknown."""
         available = available_faults(rig)
         if unknown := unknown_rows(self._rows, available):
             raise ValueError(
                 f"{self._table.path}: the emulated devices of this rig do not have: "
                 f"{'; '.join(unknown)}; they have: {_by_device(available)}"
             )
+        if refused := refused_values(self._rows, fault_limits(rig)):
+            raise ValueError(f"{self._table.path}: {'; '.join(refused)}")
         self._missing = missing_rows(self._table.rows, available)
         config = json.loads(rig.task.config)
         head = {

@@ -22,6 +22,7 @@ from typing import Any
 
 from rig.emulation.devices import EmulatedDevices
 from sim_plant.emulators.link_faults import FAULTS as LINK
+from sim_plant.emulators.link_faults import VALUES as LINK_VALUES
 from sim_plant.emulators.link_faults import Toward
 from sim_plant.emulators.modbus_unit import ModbusUnit
 
@@ -29,7 +30,6 @@ from sim_plant.emulators.modbus_unit import ModbusUnit
 # a node.
 BUS_LINK_FAULTS = ("drop", "delay", "duplicate", "freeze", "disconnect")
 _SEVERITY_FIELDS = {"babble": "babble_period"}  # field of the severity that a fault's number sets
-_WITHOUT_VALUE = ("freeze", "disconnect")
 
 
 class ControlServer:
@@ -70,23 +70,32 @@ class ControlServer:
                 self._power_lost_at[motor] = now
 
     def list_faults(self) -> dict[str, dict[str, Any]]:
-        """Return every fault by device (or link) and name: its effect and its value's meaning."""
+        """Return every fault by device (or link) and name: effect, meaning and limits of its value.
+
+        The limits of a fault without a value are empty.
+        """
         listed: dict[str, dict[str, Any]] = {}
         for name, node in self._devices.nodes.items():
             listed[name] = {
-                fault.name: {"effect": fault.effect, "value": fault.value, "default": fault.default}
+                fault.name: {
+                    "effect": fault.effect,
+                    "value": fault.value,
+                    "default": fault.default,
+                    "limits": fault.limits if fault.value else (),
+                }
                 for fault in node.faults()
             }
         for name, unit in self._devices.units.items():
             listed[name] = {
-                fault: {"effect": effect, "value": ""}
+                fault: {"effect": effect, "value": "", "limits": ()}
                 for fault, effect in unit.faults.descriptions().items()
             }
         for name in self._devices.wires:
             listed[name] = {
                 fault: {
                     "effect": effect,
-                    "value": "" if fault in _WITHOUT_VALUE else "share or s",
+                    "value": "share or s" if fault in LINK_VALUES else "",
+                    "limits": LINK_VALUES.get(fault, ()),
                 }
                 for fault, effect in LINK.items()
                 if name not in ("can", "ethercat") or fault in BUS_LINK_FAULTS
@@ -94,7 +103,7 @@ class ControlServer:
         return listed
 
     def switch(self, device: str, fault: str, on: bool, value: float | None, toward: Any) -> None:
-        """Switch a fault of a device or link; ValueError for an unknown one."""
+        """Switch a fault of a device or link; ValueError for an unknown one or an odd value."""
         if fault not in self.list_faults().get(device, {}):
             raise ValueError(f"{device!r} has no fault {fault!r}")
         devices = self._devices
@@ -109,8 +118,9 @@ class ControlServer:
         else:
             direction: Toward | None = toward if toward in ("host", "device") else None
             link = devices.wires[device].link
-            if value is not None and fault not in _WITHOUT_VALUE:
-                changed: dict[str, Any] = {_SEVERITY_FIELDS.get(fault, fault): value}
+            if value is not None and fault in LINK_VALUES:
+                number = LINK_VALUES[fault].checked(f"{device}: {fault}", value)
+                changed: dict[str, Any] = {_SEVERITY_FIELDS.get(fault, fault): number}
                 link.set_severity(link.to_host.severity._replace(**changed))
             link.switch(fault, on, toward=direction)
 

@@ -1,6 +1,6 @@
 """Tables of faults: the faults of a rig's emulated devices, and the required reaction to each."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -207,6 +207,23 @@ def missing_rows(table: Iterable[FaultRow], available: Mapping[str, Iterable[str
         for fault in sorted(faults)
         if (device, fault) not in listed
     ]
+
+
+def refused_values(
+    table: Iterable[FaultRow], limits: Mapping[str, Mapping[str, Sequence[float]]]
+) -> list[str]:
+    """Return the rows whose value is outside its fault's limits, with these.
+
+    ``limits``: lowest and highest value of each fault by device; empty for faults without a value.
+    """
+    refused = []
+    for row in table:
+        allowed = limits.get(row.device, {}).get(row.fault, ())
+        if row.value is None or (allowed and allowed[0] <= row.value <= allowed[1]):
+            continue
+        known = f"allowed {allowed[0]:g} .. {allowed[1]:g}" if allowed else "it has no value"
+        refused.append(f"{row.name}: {row.value:g} is refused; {known}")
+    return refused
 
 
 def unknown_rows(table: Iterable[FaultRow], available: Mapping[str, Iterable[str]]) -> list[str]:

@@ -5,13 +5,15 @@ significant where the 95 % circles do not overlap: |Z_b - Z_a| > r_a + r_b.
 """
 
 import json
+import textwrap
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rig.identification.frf import band_radius
 from rig.identification.impedances import interpolate_impedance
-from rig.identification.report import JSON
+from rig.identification.report import JSON, NOT_CONSTANTS, with_interval
 from rig.presentation.json_values import json_value
 from rig.recording.runs import RunError
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
@@ -42,6 +44,7 @@ class Difference(NamedTuple):
     median: float  # |Z_b - Z_a|/|Z_a|
     worst: float
     fits: tuple[dict[str, float], dict[str, float]]  # second-order fit of each; empty: none
+    intervals: tuple[dict[str, float], dict[str, float]]  # 95 % half-widths; those that are known
 
 
 class Comparison(NamedTuple):
@@ -120,6 +123,7 @@ def _difference(name: str, a: dict[str, Any], b: dict[str, Any]) -> Difference:
         float(np.median(relative_distance)) if relative_distance.size else np.nan,
         float(relative_distance.max(initial=0.0)),
         (_second_order(a, name), _second_order(b, name)),
+        (_intervals(a, name), _intervals(b, name)),
     )
 
 
@@ -129,8 +133,11 @@ def _values(response: dict[str, Any]) -> tuple[Complexes, Floats]:
         np.array(response[part], dtype=np.float64)
         for part in ("re", "im", "noise_band", "total_band")
     )
-    systematic = np.array(response.get("systematic_band", 0.0), dtype=np.float64)
-    return real + 1j * imaginary, np.where(np.isfinite(noise), noise, total) + systematic
+    systematic, rounding = (  # runs before 2027 have none
+        np.array(response.get(part, 0.0), dtype=np.float64)
+        for part in ("systematic_band", "rounding_band")
+    )
+    return real + 1j * imaginary, band_radius(noise, total, systematic, rounding)
 
 
 def _spring_rate(model: dict[str, Any]) -> float:
@@ -146,6 +153,13 @@ def _second_order(model: dict[str, Any], name: str) -> dict[str, float]:
         if fits
         else {}
     )
+
+
+def _intervals(model: dict[str, Any], name: str) -> dict[str, float]:
+    """Return the known half-widths of the second-order fit; files before 2027 have none."""
+    fits = model["fits"].get(name, [])
+    found = fits[0].get("intervals_95", {}) if fits else {}
+    return {key: float(value) for key, value in found.items() if value is not None}
 
 
 def as_dict(comparison: Comparison) -> dict[str, Any]:
@@ -165,6 +179,7 @@ def as_dict(comparison: Comparison) -> dict[str, Any]:
                     "worst": difference.worst,
                     "share_of_lines_apart": difference.share_apart,
                     "second_order": {"a": difference.fits[0], "b": difference.fits[1]},
+                    "intervals_95": {"a": difference.intervals[0], "b": difference.intervals[1]},
                 }
                 for difference in comparison.differences
             ],
@@ -188,11 +203,20 @@ def as_text(comparison: Comparison) -> str:
             f"{bands_text}"
         )
         if difference.fits[0] and difference.fits[1]:
-            fit_a, fit_b = difference.fits
             changes = (
-                f"{key.split('_', maxsplit=1)[0]} {fit_a[key]:.4g} -> {fit_b[key]:.4g}"
-                for key in fit_a
+                f"{key.split('_', maxsplit=1)[0]} " + " -> ".join(_shown(difference, key))
+                for key in difference.fits[0]
             )
             lines.append("     " + ", ".join(changes))
+    if any(difference.fits[0] and difference.fits[1] for difference in comparison.differences):
+        lines += textwrap.wrap(NOT_CONSTANTS, 98)
     lines += [f"!! {name} of A has no matching model in B" for name in comparison.unpaired]
     return "\n".join(lines)
+
+
+def _shown(difference: Difference, key: str) -> list[str]:
+    """Return a number of both fits as text; all but the natural frequency have intervals."""
+    if key.startswith("natural_frequency_"):
+        return [f"{fit[key]:.4g}" for fit in difference.fits]
+    pairs = zip(difference.fits, difference.intervals, strict=True)
+    return [with_interval(fit[key], known.get(key, np.nan)) for fit, known in pairs]

@@ -35,6 +35,7 @@ from rig.spectra.periods import (
     field_lines,
     fill_lost_ticks,
 )
+from rig.spectra.rounding import shared_rounding
 
 LINE_HEADROOM = 1.25  # lines are kept up to this multiple of the highest excited frequency
 MAX_FREQUENCY = 5.0  # Hz, highest frequency of a reference
@@ -66,6 +67,8 @@ class Experiment(NamedTuple):
     sea: Mapping[str, Any] | None  # commanded wave lines; None in calm water
     labels: Mapping[str, str] = {}  # of channels, in pictures
     rotates: bool = False  # N m for N and rad for m
+    rounding: Floats | None = None
+    """Standard deviation of the mean velocity by the encoder, m/s, by line; None: unknown."""
 
     @property
     def frequency(self) -> Floats:
@@ -195,7 +198,11 @@ def _cut_experiment(
     lines = min(line_limit, int(LINE_HEADROOM * max_line) + 1)
     omega = angular_frequencies(period * dt, lines)
     newtons_per_ampere = float(reference["newtons_per_ampere"])
-    counts = field_lines(data, *position_fields(reference["axis"]), dt, period, lines)
+    position, age = position_fields(reference["axis"])
+    counts = field_lines(data, position, age, dt, period, lines)
+    rounding = shared_rounding(
+        fill_lost_ticks(data["tick"], data[position].astype(np.float64)), period, lines
+    )
     scale, rotates = motion_per_count(run_facts, reference["axis"])
     channels = {VELOCITY: counts * (1j * omega * scale)}
     for name, channel in forces.items():
@@ -219,6 +226,7 @@ def _cut_experiment(
         sea,
         {name: channel.label for name, channel in forces.items()},
         rotates,
+        rounding * omega * scale,
     )
 
 

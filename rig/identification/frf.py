@@ -19,10 +19,16 @@ sqrt(F_0.95(2, 2 nu)) s / |b|. There are two bands:
 - total: s^2 from the scatter of realisations, nu = M - 1. It includes the effect of nonlinearity,
   which depends on the phases (stochastic nonlinear distortion).
 
-Neither contains an error that all periods share, as that of a delay. Where two channels measure the
-same force, the distance of their two responses is such a systematic radius; the bands add it.
+Neither contains an error that all periods share. There are two such radii:
+
+- rounding: a periodic motion is rounded to the same counts in each period (`spectra.rounding`). It
+  depends on the phases, so the scatter of realisations has it. Its variance s^2 is known, and the
+  radius is sqrt(-ln 0.05) s / |b|. It adds to the noise as independent errors do;
+- systematic: where two channels measure the same force, the distance of their two responses, as by
+  a delay. The bands add it.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -32,6 +38,7 @@ from scipy.special import fdtri
 from rig.spectra.periods import Complexes, Flags, Floats, Ticks
 
 CONFIDENCE = 0.95
+_KNOWN_VARIANCE_FACTOR = math.sqrt(-math.log(1.0 - CONFIDENCE))  # `band_factor` of infinite nu
 
 
 class Response(NamedTuple):
@@ -43,11 +50,12 @@ class Response(NamedTuple):
     noise_deviation: Floats  # standard deviation of the value, noise only
     total_deviation: Floats  # standard deviation from noise and nonlinear distortion
     systematic: Floats  # distance from the response by another channel of the same force
+    rounding: Floats  # radius of the 95 % circle from rounding to counts, which all periods share
 
     @property
     def band(self) -> Floats:
-        """The radius to draw: from periods if known, else from realisations, plus systematic."""
-        return np.where(np.isfinite(self.noise), self.noise, self.total) + self.systematic
+        """The radius to draw: `band_radius` of its parts."""
+        return band_radius(self.noise, self.total, self.systematic, self.rounding)
 
     def compared_with(self, other: "Response") -> "Response":
         """Return the response with its distance from another one as systematic radius."""
@@ -63,9 +71,11 @@ class Channel(NamedTuple):
     """One channel of several realisations, each an array of periods by lines."""
 
     realisations: tuple[Complexes, ...]
+    rounding: tuple[Floats, ...] = ()
+    """Standard deviation of each realisation's mean by rounding, by line; empty: none."""
 
     def minus(self, other: "Channel") -> "Channel":
-        """Return the difference of two channels."""
+        """Return the difference of two channels without rounding."""
         pairs = zip(self.realisations, other.realisations, strict=True)
         return Channel(tuple(own - others for own, others in pairs))
 
@@ -73,6 +83,12 @@ class Channel(NamedTuple):
 def band_factor(degrees: float) -> float:
     """Return sqrt(F_0.95(2, 2 nu)), the band's radius in standard deviations; NaN for nu < 1."""
     return float(np.sqrt(fdtri(2, 2 * degrees, CONFIDENCE))) if degrees >= 1 else np.nan
+
+
+def band_radius(noise: Floats, total: Floats, systematic: Floats, rounding: Floats) -> Floats:
+    """Return the radius from periods and rounding if known, else realisations, plus systematic."""
+    random = np.where(np.isfinite(noise), np.sqrt(noise**2 + rounding**2), total)
+    return np.asarray(random + systematic, dtype=np.float64)
 
 
 def relate_to_reference(channel: Channel, references: Sequence[Complexes]) -> Complexes:
@@ -102,6 +118,10 @@ def response(numerator: Channel, denominator: Channel, references: Sequence[Comp
         noise, degrees = _scatter_of_periods(errors, references, power)
         total, realisation_degrees = _scatter_of_realisations(errors, power)
         noise_deviation, total_deviation = np.sqrt(noise) / magnitude, np.sqrt(total) / magnitude
+        rounding = np.sqrt(
+            _rounding(numerator, references, power)
+            + np.abs(value) ** 2 * _rounding(denominator, references, power)
+        )
     return Response(
         value,
         band_factor(degrees) * noise_deviation,
@@ -109,11 +129,20 @@ def response(numerator: Channel, denominator: Channel, references: Sequence[Comp
         noise_deviation,
         total_deviation,
         np.zeros(value.shape),
+        _KNOWN_VARIANCE_FACTOR * rounding / magnitude,
     )
 
 
 def _power(references: Sequence[Complexes]) -> Floats:
     return np.asarray(sum(np.abs(r) ** 2 for r in references), dtype=np.float64)
+
+
+def _rounding(channel: Channel, references: Sequence[Complexes], power: Floats) -> Floats:
+    """Return the variance of `relate_to_reference` by rounding, by line."""
+    total = np.zeros(power.shape)
+    for deviation, r in zip(channel.rounding, references, strict=bool(channel.rounding)):
+        total += (deviation * np.abs(r)) ** 2
+    return np.asarray(total / power**2, dtype=np.float64)
 
 
 def _scatter_of_periods(

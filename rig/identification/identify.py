@@ -164,7 +164,20 @@ def _fit_model(
             if order not in ORDERS:
                 raise
             notes.append(f"{model.name}: {name}: {error}")
+            continue
+        if apart := _apart(fits[name]):
+            notes.append(
+                f"{model.name}: {name}: {' and '.join(apart)} of orders 2 and {order} differ by "
+                "more than their intervals: they depend on the form of the fit, so use the response"
+            )
     return fits
+
+
+def _apart(fits: tuple[FittedImpedance, ...]) -> list[str]:
+    """Return which of M, B and K of the first and the last fit have separate intervals."""
+    first, last = fits[0], fits[-1]
+    parts = zip("MBK", first[:3], last[:3], first.intervals, last.intervals, strict=True)
+    return [name for name, a, b, wide_a, wide_b in parts if abs(a - b) > wide_a + wide_b]
 
 
 def _read_sea(run: Path, options: IdentificationOptions, notes: list[str]) -> Sea:

@@ -100,6 +100,7 @@ def combine_realisations(
     """Return references and channels by realisation; a repeated realisation has more periods."""
     references: list[Complexes] = []
     blocks: list[dict[str, list[Complexes]]] = []
+    rounding: list[list[Floats]] = []
     for experiment in group:
         tolerance = REFERENCE_TOLERANCE * np.abs(experiment.reference).max()
         known = [np.abs(r - experiment.reference).max() < tolerance for r in references]
@@ -107,12 +108,18 @@ def combine_realisations(
         if index == len(references):
             references.append(experiment.reference)
             blocks.append({})
+            rounding.append([])
         for name, lines in experiment.channels.items():
             blocks[index].setdefault(name, []).append(lines)
+        if experiment.rounding is not None:
+            rounding[index].append(experiment.rounding)
     names = set.intersection(*(set(block) for block in blocks))
     channels = {
         name: Channel(tuple(np.concatenate(block[name]) for block in blocks)) for name in names
     }
+    if all(rounding):  # that of a repeated realisation repeats
+        deviations = tuple(np.sqrt(np.mean(np.square(each), axis=0)) for each in rounding)
+        channels[VELOCITY] = channels[VELOCITY]._replace(rounding=deviations)
     return references, channels
 
 

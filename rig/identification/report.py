@@ -122,6 +122,7 @@ def _response_parts(response: Response) -> dict[str, Floats]:
         "noise_band": response.noise,
         "total_band": response.total,
         "systematic_band": response.systematic,
+        "rounding_band": response.rounding,
     }
 
 
@@ -264,7 +265,7 @@ def bem_lines(identification: Identification) -> list[str]:
     return lines
 
 
-def _with_interval(value: float, half_width: float) -> str:
+def with_interval(value: float, half_width: float) -> str:
     """Return a number with its interval as text; an interval that is not known is `?`."""
 
     def shown(number: float) -> str:
@@ -286,7 +287,7 @@ def model_cells(identification: Identification) -> list[tuple[str, ...]]:
                 rows.append((
                     model.axis, f"{model.spring_rate:g}", f"{model.peak_a:.3g}", name,
                     str(fitted.order),
-                    *map(_with_interval, fitted[:3], fitted.intervals),
+                    *map(with_interval, fitted[:3], fitted.intervals),
                     f"{fitted.natural_frequency:.4f}", f"{fitted.fit_percent:.1f}", band,
                 ))  # fmt: skip
     return rows

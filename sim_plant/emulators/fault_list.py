@@ -5,6 +5,26 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
+class Limits(NamedTuple):
+    """Allowed values of a fault, in its unit."""
+
+    low: float = 0.0
+    high: float = 1e9
+
+    def checked(self, name: str, value: float) -> float:
+        """Return a value as a number; raises ValueError outside the limits, or for NaN."""
+        number = float(value)
+        if not self.low <= number <= self.high:
+            allowed = f"allowed {self.low:g} .. {self.high:g}"
+            raise ValueError(f"{name}: {value} is out of range; {allowed}")
+        return number
+
+
+SIGNED = Limits(-1e9, 1e9)
+UP_TO_A_MINUTE = Limits(0.0, 60.0)  # s
+EITHER = Limits(0.0, 1.0)
+
+
 class Fault(NamedTuple):
     """One fault by name."""
 
@@ -13,6 +33,7 @@ class Fault(NamedTuple):
     value: str = ""  # meaning and unit of its value; empty: no value
     default: float = 0.0
     once: bool = False  # an event, not a lasting state
+    limits: Limits = Limits()  # of its value
 
 
 class FaultList:
@@ -31,11 +52,14 @@ class FaultList:
         return tuple(self._known.values())
 
     def begin(self, name: str, value: float | None) -> tuple[Fault, float]:
-        """Activate a fault; return it and its value. Raises ValueError for an unknown name."""
+        """Activate a fault; return it and its value.
+
+        Raises ValueError for an unknown name, or a value outside its limits.
+        """
         fault = self._known.get(name)
         if fault is None:
             raise ValueError(f"no fault {name!r}; there are {', '.join(sorted(self._known))}")
-        given = fault.default if value is None else float(value)
+        given = fault.default if value is None else fault.limits.checked(name, value)
         if not fault.once:
             self.active[name] = given
         return fault, given

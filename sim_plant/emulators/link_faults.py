@@ -10,6 +10,7 @@ from collections import Counter, deque
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from sim_plant.emulators.fault_list import UP_TO_A_MINUTE, Limits
 from sim_plant.units import Count, Ratio, Second
 
 FAULTS = {
@@ -21,6 +22,15 @@ FAULTS = {
     "freeze": "nothing arrives; when the fault ends, all of it arrives at once",
     "disconnect": "nothing arrives, links that can disconnect do so; sent pieces are lost",
     "babble": "random bytes arrive without having been sent",
+}
+SHARE = Limits(0.0, 1.0)
+VALUES = {  # limits of the number with which a fault is switched on: share, or s
+    "drop": SHARE,
+    "delay": UP_TO_A_MINUTE,
+    "duplicate": SHARE,
+    "corrupt": SHARE,
+    "truncate": SHARE,
+    "babble": Limits(1e-4, 60.0),  # between two bursts
 }
 MAX_FROZEN_PIECES = 1024  # most pieces that a frozen link keeps; later ones are lost
 

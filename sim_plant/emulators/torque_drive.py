@@ -21,7 +21,7 @@ from sim_plant.emulators.cia402_drive import (
     Cia402Params,
 )
 from sim_plant.emulators.device_objects import ObjectEntry, round_or_zero
-from sim_plant.emulators.fault_list import Fault
+from sim_plant.emulators.fault_list import EITHER, SIGNED, Fault
 from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Ampere, Code, Count, Flag, Second, Volt
 
@@ -83,12 +83,18 @@ TORQUE_FAULTS = (
     Fault("no_torque", "enabled, but no current flows"),
     Fault("inverted_motor", "two phases are swapped: current and force have the opposite sign"),
     Fault("encoder_reversed", "6064 counts in the opposite direction from its present value"),
-    Fault("encoder_step", "6064 is shifted at once", "counts", 4000.0),
-    Fault("encoder_creep", "6064 drifts away", "counts/s", 400.0),
+    Fault("encoder_step", "6064 is shifted at once", "counts", 4000.0, limits=SIGNED),
+    Fault("encoder_creep", "6064 drifts away", "counts/s", 400.0, limits=SIGNED),
     Fault("load_cell_saturated", "analog input 1 reads its positive limit"),
     Fault("load_cell_dead", "both analog inputs read 0 V"),
     Fault("load_cell_inverted", "analog input 1 has the opposite sign"),
-    Fault("limit_switch", "60FD: a limit switch is closed", "bit: 0 negative, 1 positive", 0.0),
+    Fault(
+        "limit_switch",
+        "60FD: a limit switch is closed",
+        "bit: 0 negative, 1 positive",
+        0.0,
+        limits=EITHER,
+    ),
 )
 
 

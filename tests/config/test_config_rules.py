@@ -14,6 +14,7 @@ from rig.config.pydantic_errors import load
 from rig.config.pydantic_errors import problems_from as translate
 from rig.config.ranges import unit_of_key
 from rig.config.yaml_source import load_mapping
+from rig.kinds.modular.config import RigFile as ModularRigFile
 from rig.kinds.wavebot.config import LimitsFile, RigFile
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
 
@@ -41,6 +42,33 @@ matrix:
     - spring_n_per_m: 490.9
       kp_n_s_per_m: [-1000, -2000]
       ki_n_per_m: {from: 0, to: 4000, step: 2000}
+"""
+
+MODULAR = """\
+name: buoy
+kind: modular
+rate_hz: 1000
+realtime: best effort
+limits: limits.yaml
+plant: plant.yaml
+drive_enable_timeout_s: 5
+stop: {duration_s: 3, ramp_s: 0.2}
+axes:
+  heave:
+    motion: translation
+    torque_constant_n_m_per_a: 1
+    gear_ratio_rad_per_m: 10
+    counts_per_revolution: 20000
+    encoder_noise_counts: 0.5
+    jerk_density_m2_per_s5: 1
+    gain_ramp_s: 0.5
+    stop_damping_n_s_per_m: 2000
+    current_bandwidth_hz: 200
+    force_sensor: load_cell
+sensors:
+  load_cell: {unit: N, range: [-2000, 2000], lag_s: 0.0005, age_limit_s: 0.5}
+stations:
+  absorbed: {formula: load_cell * heave_velocity}
 """
 
 BROKEN = YAML(typ="safe", pure=True).load(Path(__file__).with_name("broken_files.yaml"))
@@ -73,6 +101,7 @@ def broken_files() -> list[Any]:
         ("wired", wired.replace("extends: wavebot.yaml", f"extends: {rig}"), RigFile),
         ("ethercat", segment.replace("extends: wavebot.yaml", f"extends: {rig}"), RigFile),
         ("limits", limits.read_text(), LimitsFile),
+        ("modular", MODULAR, ModularRigFile),
     )
     cases = []
     for source, text, model in sources:

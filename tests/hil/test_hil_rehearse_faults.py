@@ -83,6 +83,14 @@ def test_a_table_whose_faults_the_devices_lack_is_refused(tmp_path: Path) -> Non
     assert list((tmp_path / "runs").iterdir()) == []
 
 
+def test_a_table_with_an_odd_value_is_refused(tmp_path: Path) -> None:
+    table = write_table(tmp_path, RIGHT, {**RIGHT, "fault": "tpdo_delay", "value": -3})
+    done = rig("faults", table, "--runs", tmp_path / "runs")
+    assert done.returncode == 2
+    assert "heave: tpdo_delay -3: -3 is refused; allowed 0 .. 60" in done.stderr
+    assert list((tmp_path / "runs").iterdir()) == []
+
+
 def test_a_rig_without_wiring_has_no_devices(tmp_path: Path) -> None:
     done = rig("faults", "wavebot", "--rig", "wavebot", "--runs", tmp_path / "runs")
     assert done.returncode == 2

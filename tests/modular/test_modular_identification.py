@@ -13,13 +13,16 @@ from ruamel.yaml import YAML
 
 from rig.config.problems import ConfigError
 from rig.config.pydantic_errors import load as load_model
+from rig.identification.experiments import read_experiments
 from rig.identification.identify import identify
+from rig.identification.impedances import models
 from rig.kinds.modular.config import RigFile
 from sim_plant.modes import radiation
 from sim_plant.modes.bem import read_modes
 
 BEM = Path(__file__).parents[2] / "configs" / "plants" / "cylinder_bem.nc"
 MULTISINE = {"kind": "multisine", "repeat_s": 20, "amplitude_a": 3, "seed": 5}
+WEAK = MULTISINE | {"amplitude_a": 0.8}  # within the limit of pitch, 1.1 A
 PROFILE = {
     "kind": "profile",
     "repeat_s": 20,
@@ -39,11 +42,16 @@ def change(path: Path, edit: Any) -> dict[str, Any]:
 
 
 def write_rig(
-    folder: Path, *without: str, dof: str = "Heave", reference: dict[str, Any] = MULTISINE
+    folder: Path,
+    *without: str,
+    dof: str = "Heave",
+    reference: dict[str, Any] = MULTISINE,
+    realisations: int = 1,
 ) -> dict[str, Any]:
     """Write a cylinder with one axis and its open-loop campaign; return the plant file.
 
-    ``without``: keys that the axis of the rig file does not have.
+    ``without``: keys that the axis of the rig file does not have. ``realisations``: rows. Pitch has
+    a damping in which its free motion decays in 60 s.
     """
     done = rig_here("new", "rig", "cylinder", "--bem", BEM, "--dof", dof, "--folder", folder)
     assert done.returncode == 0, done.stdout
@@ -52,7 +60,8 @@ def write_rig(
         (grid,) = campaign["matrix"]["grid"]
         campaign["sea"] = {"kind": "calm"}
         campaign["reference"] = reference | {"axis": dof.lower()}
-        campaign["matrix"] = {"list": [dict.fromkeys(grid, 0)]}
+        rows = range(1, realisations + 1)
+        campaign["matrix"] = {"list": [dict.fromkeys(grid, 0) | {"realisation": k} for k in rows]}
         campaign["timing"] = {"settle_s": 60, "periods": 2}
         campaign["start"] = {"lead_in_s": 5}
 
@@ -62,7 +71,12 @@ def write_rig(
 
     change(folder / "cylinder" / "campaign.yaml", open_loop)
     change(folder / "cylinder" / "rig.yaml", remove_keys)
-    return change(folder / "cylinder" / "plant.yaml", lambda plant: None)
+
+    def decay(plant: dict[str, Any]) -> None:
+        if dof == "Pitch":
+            plant["modes"]["pitch"]["linear_damping"] = 600
+
+    return change(folder / "cylinder" / "plant.yaml", decay)
 
 
 def measure(folder: Path) -> Path:
@@ -95,11 +109,13 @@ def test_the_impedance_is_that_of_the_plant(tmp_path: Path, without: tuple[str, 
     assert (model.axis, model.frequency.size, model.periods) == ("heave", 17, 2)
     response, expected = model.responses["Z_i"], impedance(plant, model.frequency)
     error = response.value - expected
-    assert (np.abs(error) <= response.band).mean() >= 0.85  # of 17 lines in 95 % bands
     delay = np.angle(response.value / expected)[6:] / model.omega[6:]  # less noise up there
     if without:
         assert set(model.responses) == {"Z_i", "Y_i"}
         assert "is the command" in found.notes[0]
+        assert (
+            np.abs(error) <= response.band
+        ).all()  # that contain the difference from the current
     else:
         assert set(model.responses) == {
             "Z_i", "Z_id", "Z_d", "Y_i", "Y_id_command", "Y_id_current"
@@ -113,6 +129,28 @@ def test_the_impedance_is_that_of_the_plant(tmp_path: Path, without: tuple[str, 
         assert np.abs(error / expected).max() < 0.002
         assert np.abs(error.real / expected.real).max() < 0.02
         assert np.abs(response.noise / expected).max() < 0.005
+
+
+@pytest.mark.slow
+@pytest.mark.sampled
+@pytest.mark.parametrize(("dof", "reference"), [("Heave", MULTISINE), ("Pitch", WEAK)])
+def test_bands_contain_the_impedance(tmp_path: Path, dof: str, reference: dict[str, Any]) -> None:
+    """In 90 .. 99 % of 204 lines of 12 rows, each a model: 95 % of them scatter by 1.5 %.
+
+    Pitch moves a few counts a line, and each period is rounded to the same ones.
+    """
+    plant = write_rig(tmp_path, dof=dof, reference=reference, realisations=12)
+    within, by_periods = [], []
+    for experiment in read_experiments(measure(tmp_path)).experiments:
+        (model,) = models([experiment])
+        found = model.responses["Z_i"]
+        error = np.abs(found.value - impedance(plant, model.frequency, dof))
+        within.append(error <= found.band)
+        by_periods.append(error <= found.noise)
+    assert np.size(within) == 204
+    assert 0.9 <= np.mean(within) <= 0.99
+    if dof == "Pitch":
+        assert np.mean(by_periods) < 0.1  # the scatter of periods has none of it
 
 
 @pytest.mark.slow
@@ -133,6 +171,8 @@ def test_a_bem_file_is_compared_with_the_impedance(tmp_path: Path) -> None:
     assert np.abs(reactance - found["im"]).max() < 0.01 * np.abs(reactance).max()
     (fitted,) = model["fits"]["Z_i"]
     assert fitted["intervals_95"]["mass_kg"] > 0.0
+    done = rig_here("identify", run, "--order", 4, "--no-pictures")
+    assert "Z_i: M and B of orders 2 and 4 differ by more than their intervals" in done.stdout
     done = rig_here("identify", run, "--bem", BEM.with_name("wavebot_bem.nc"))
     assert done.returncode == 2
     assert "states no hydrostatic stiffness of Heave, so it gives no impedance" in done.stderr
@@ -141,12 +181,7 @@ def test_a_bem_file_is_compared_with_the_impedance(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.sampled
 def test_an_axis_that_rotates_has_its_units(tmp_path: Path) -> None:
-    """With a damping in which the free motion decays in 60 s, and within the limit of 1.1 A."""
-    write_rig(tmp_path, dof="Pitch", reference=MULTISINE | {"amplitude_a": 0.8})
-    plant = change(
-        tmp_path / "cylinder" / "plant.yaml",
-        lambda plant: plant["modes"]["pitch"].update(linear_damping=600),
-    )
+    plant = write_rig(tmp_path, dof="Pitch", reference=WEAK)
     run = measure(tmp_path)
     (model,) = identify([run]).models
     response, expected = model.responses["Z_i"], impedance(plant, model.frequency, "Pitch")
@@ -159,6 +194,10 @@ def test_an_axis_that_rotates_has_its_units(tmp_path: Path) -> None:
     assert entry["responses"]["Z_i"]["unit"] == "N*m*s/rad"
     assert {"spring_n_m_per_rad", "peak_n_m"} <= entry.keys()
     assert "mass_kg_m2" in entry["fits"]["Z_i"][0]
+    assert (
+        f"mass {entry['fits']['Z_i'][0]['mass_kg_m2']:.0f}±"
+        in rig_here("identify", "--compare", run, run, "--no-pictures").stdout
+    )
     done = rig_here("identify", "--compare", run, run, "--json")
     assert json.loads(done.stdout)["differences"][0]["worst"] < 1e-12
 

@@ -15,7 +15,7 @@ from sim_plant.emulators.ethercat.datagrams import (
 )
 from sim_plant.emulators.ethercat.distributed_clock import HOP_DELAY
 from sim_plant.emulators.ethercat.slave import Slave
-from sim_plant.emulators.fault_list import Fault, FaultList
+from sim_plant.emulators.fault_list import UP_TO_A_MINUTE, Fault, FaultList
 
 # Whether a command reads and writes.
 _ACCESS = {
@@ -39,7 +39,14 @@ PDI_RUNS = 0x0001
 
 SEGMENT_FAULTS = (
     Fault("order_swapped", "two slaves have changed places", "place of the first, from 0", 0.0),
-    Fault("stall", "reads no frame for a time, then all that waited", "s", 0.025, once=True),
+    Fault(
+        "stall",
+        "reads no frame for a time, then all that waited",
+        "s",
+        0.025,
+        once=True,
+        limits=UP_TO_A_MINUTE,
+    ),
 )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_plant.emulators.fault_list import Fault
+from sim_plant.emulators.fault_list import SIGNED, Fault
 
 SLAVE_FAULTS = (
     Fault("unplugged", "no power: it and all behind it vanish; in INIT when the fault ends"),
@@ -17,8 +17,8 @@ SLAVE_FAULTS = (
     Fault("watchdog", "its process-data watchdog expires", once=True),
     Fault("emergency", "sends an emergency that does not last", "code", 0xFF01, once=True),
     Fault("mailbox_silent", "takes boxes and answers none"),
-    Fault("dc_drift", "its clock runs fast", "ppm", 100.0),
-    Fault("dc_jump", "its clock jumps", "ns", 1.0e6, once=True),
+    Fault("dc_drift", "its clock runs fast", "ppm", 100.0, limits=SIGNED),
+    Fault("dc_jump", "its clock jumps", "ns", 1.0e6, once=True, limits=SIGNED),
     Fault("sync0_lost", "its SYNC unit gives no pulses"),
     Fault("eeprom_damaged", "its EEPROM reads as erased; it stays in INIT at the next start"),
 )

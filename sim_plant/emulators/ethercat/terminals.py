@@ -25,7 +25,7 @@ from sim_plant.emulators.ethercat.process_data import (
     mapping_entry,
     mapping_objects,
 )
-from sim_plant.emulators.fault_list import Fault
+from sim_plant.emulators.fault_list import SIGNED, Fault
 from sim_plant.emulators.object_device import ObjectDevice
 from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Second, Volt
@@ -176,7 +176,7 @@ BITS_SUB, RATE_SUB = 0x11, 0x12
 
 ENCODER_FAULTS = (
     Fault("encoder_lost", "no answer of the encoder: error, the position keeps its value"),
-    Fault("encoder_jump", "the position is shifted at once", "increments", 4096.0),
+    Fault("encoder_jump", "the position is shifted at once", "increments", 4096.0, limits=SIGNED),
 )
 
 

@@ -65,7 +65,7 @@ def _describe(shipped: ShippedFile) -> dict[str, Any]:
 
 def _task_facts(path: Path) -> dict[str, Any]:
     report = kind_of_task(path).room("tasks").examine(path, predict=False)
-    if not report.ok:
+    if report.problems:
         raise ConfigError(report.problems)
     return {
         "rig": report.checked.rig.name,

@@ -354,7 +354,7 @@ class Orders:
         arming, self._arming = self._arming, None
         self._require(
             self._confirmable(arming) and arming.session == asker.session,
-            f"arm first, then confirm within {ARMING_S:g} s, as the same operator",
+            f"arm first, then confirm within {ARMING_S:g} s, from the same terminal or page",
         )
         self._require_standby("the run is not in standby")
         self._change(armed=1)

@@ -123,7 +123,7 @@ class PageRun:
         at_end = f"trap 'code=$?; echo $code >{state}; pwd >>{state}' EXIT"
         script = f"{at_end}\n(exit {self._code})\n{command.text}"
         process = subprocess.Popen(
-            ["bash", "-c", script], cwd=self._where, env=environment(), start_new_session=True,
+            ["bash", "-c", script], cwd=self._where, env=environment(), process_group=0,
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
         try:
@@ -158,7 +158,7 @@ class PageRun:
             process = subprocess.Popen(
                 # Ctrl-C must end it, also where a shell in the background has started the tests.
                 ["env", "--default-signal=INT", "bash", "-c", text],
-                cwd=self._where, env=environment(), start_new_session=True,
+                cwd=self._where, env=environment(), process_group=0,
                 stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
             )  # fmt: skip
         self._background.append(process)

@@ -79,27 +79,16 @@ release: setup
 	$(RELEASE)/bin/python .ci/licences.py
 	$(BIN)/uv tool run --quiet --from $(CYCLONEDX) cyclonedx-py environment --of JSON \
 	  --output-file dist/sbom.cdx.json $(RELEASE)/bin/python
-	WEC_RIG_WHEEL=$$(ls dist/*.whl) $(PYTEST) --long all tests/cli/test_cli_installed.py
-	@$(MAKE) --no-print-directory pythons
+	WEC_RIG_WHEEL=$$(ls dist/*.whl) $(PYTEST) --long all -rs tests/cli/test_cli_installed.py \
+	  tests/cli/test_each_python.py
 	@ls dist
 
 licences: setup
 	$(BIN)/python .ci/licences.py
 
-# An interpreter that is not there is named and left out. PYTHON_3_12=/path/to/python3.12 adds one.
-VERSIONS := 3.11 3.12 3.13 3.14
+# A rehearsal and its replay on each Python of this host, in an environment of its own.
 pythons: setup
-	@for version in $(VERSIONS); do \
-	  python=$$(printenv PYTHON_$$(echo $$version | tr . _) || \
-	    $(BIN)/uv python find --no-python-downloads $$version 2>/dev/null) || \
-	    { echo "Python $$version SKIPPED: no interpreter on this host"; continue; }; \
-	  where=build/python-$$version; rm -rf $$where; \
-	  $(BIN)/uv venv --quiet --python $$python $$where && \
-	  $(BIN)/uv pip install --quiet --python $$where/bin/python dist/*.whl && \
-	  (cd $$where && bin/rig run quick >run.log 2>&1 && bin/rig replay last >>run.log) && \
-	  echo "Python $$version: a rehearsal and its replay" || \
-	    { echo "Python $$version FAILED: $$where/run.log"; exit 1; }; \
-	done
+	$(PYTEST) -rs -v tests/cli/test_each_python.py
 
 lint: setup
 	$(BIN)/ruff check .

@@ -12,7 +12,7 @@ from rig.analysis.cut_rows import cut_note
 from rig.analysis.intervals import CONFIDENCE, Floats, combined_half_width
 from rig.analysis.row_ends import END_REASON, WORSE
 from rig.analysis.rows import COMPLETE, columns_of, stations_of
-from rig.analysis.scatter import standard_error
+from rig.analysis.scatter import NO_ERROR, MeanError, error_of_sum, standard_error
 from rig.analysis.uncertainty import BUDGET_ATTRIBUTE, CONTRIBUTIONS
 from rig.presentation import phrases
 from rig.row_contents import PANEL, Column, with_role
@@ -37,6 +37,8 @@ class Point(NamedTuple):
     distributions: tuple[str, ...] = ()  # of the errors of these sources
     is_compared: bool = False  # with a row over the whole repeat period, which gives `error`
     cut_rows: tuple[int, ...] = ()  # rows that ended because they could no longer be the best
+    window_error: dict[str, MeanError] = {}  # noqa: RUF012 (W, of the mean, by short windows alone)
+    is_reference: bool = False  # one row over the whole repeat period: others are compared with it
 
     def contributions(self, name: str, seeds: Sequence[int] = ()) -> Floats:
         """Return the signed Type B contributions to the power of a station, W; empty without any.
@@ -138,7 +140,8 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
     """Return the gain matrix of a row table; rows with equal set points form one point.
 
     The standard error of a repeated point comes from the scatter of its rows. Of a point in seas of
-    several seeds, it comes from the scatter of the means of the seas, which count alike.
+    several seeds, it comes from the scatter of the means of the seas, which count alike, and is at
+    least the error by windows that ended early.
     """
     stations, matrix_columns = stations_of(table), columns_of(table)
     if "state" not in table or table.sizes["row"] == 0:
@@ -181,9 +184,10 @@ def _point(
     in_sea = {
         int(seed): [r for r, s in zip(rows, seeds, strict=True) if s == seed] for seed in seeds
     }
-    is_compared = BATCHES in columns and len(rows) == 1 and bool(columns[BATCHES][rows[0]])
+    one_of_compared = len(rows) == 1 and BATCHES in columns and bool(columns[BATCHES].any())
+    is_compared = one_of_compared and bool(columns[BATCHES][rows[0]])
     power, error, dof = dict[str, float](), dict[str, float](), dict[str, float]()
-    type_b = dict[str, Floats]()
+    type_b, window = dict[str, Floats](), dict[str, MeanError]()
     by_seed: dict[int, dict[str, float]] = {seed: {} for seed in in_sea} if len(in_sea) > 1 else {}
     for name in names:
         values = columns[f"power_{name}"]
@@ -194,7 +198,10 @@ def _point(
                 by_seed[seed][name] = mean
         power[name] = float(means.mean())
         if len(means) > 1:
-            error[name], dof[name] = standard_error(means), len(means) - 1.0
+            # Two seas may agree by chance, but their mean is no better known than its windows.
+            window[name] = _window_error(name, columns, list(in_sea.values()))
+            seas = MeanError(standard_error(means), len(means) - 1.0)
+            error[name], dof[name] = max(seas, window[name], key=lambda each: each.error)
         else:
             error[name] = float(columns[f"power_{name}_se"][rows[0]])
             dof[name] = float(columns[f"power_{name}_dof"][rows[0]])
@@ -205,8 +212,27 @@ def _point(
     cut = tuple(row for row, end in zip(numbers, ends, strict=True) if end == WORSE)
     return Point(
         setting, power, error, numbers, actuator, dof, by_seed, type_b,
-        is_compared=is_compared, cut_rows=cut,
+        is_compared=is_compared, cut_rows=cut, window_error=window,
+        is_reference=one_of_compared and not is_compared,
     )  # fmt: skip
+
+
+def _window_error(name: str, columns: dict[str, Any], groups: list[list[int]]) -> MeanError:
+    """Return the error of the mean of the means of groups of rows, by windows that ended early.
+
+    Such rows were compared with a row over the whole repeat period of the sea, which has none.
+    """
+    if BATCHES not in columns:
+        return NO_ERROR
+    return error_of_sum(
+        MeanError(
+            float(columns[f"power_{name}_se"][row]) / (len(group) * len(groups)),
+            float(columns[f"power_{name}_dof"][row]),
+        )
+        for group in groups
+        for row in group
+        if columns[BATCHES][row]
+    )
 
 
 def error_source(points: Iterable[Point]) -> str:

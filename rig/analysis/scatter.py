@@ -10,6 +10,7 @@ rows, and the interval covers 76 % in place of 95 (69 % without this). Fewer tha
 independent. Where that matters, repeat points or measure longer rows.
 """
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ class MeanError(NamedTuple):
 
 
 UNKNOWN = MeanError(float("nan"), float("nan"))
+NO_ERROR = MeanError(0.0, float("inf"))
 
 
 def period_means(values: Any, ticks: Any, period_ticks: float) -> Any:
@@ -46,6 +48,16 @@ def standard_error(means: Any) -> float:
     """
     count = len(means)
     return float(np.std(means, ddof=1) / np.sqrt(count)) if count > 1 else float("nan")
+
+
+def error_of_sum(errors: Iterable[MeanError]) -> MeanError:
+    """Return the standard error of a sum of independent values (Welch and Satterthwaite)."""
+    errors = tuple(errors)
+    if not all(np.isfinite(each.error) and each.dof > 0.0 for each in errors):
+        return UNKNOWN
+    variance = sum(each.error**2 for each in errors)
+    spread = sum(each.error**4 / each.dof for each in errors)
+    return MeanError(variance**0.5, variance**2 / spread if spread else NO_ERROR.dof)
 
 
 def successive_error(means: Any) -> MeanError:

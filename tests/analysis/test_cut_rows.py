@@ -107,6 +107,11 @@ def test_tables_and_messages_name_rows_and_station(
     assert ended_as_worse(table) == CUT
     assert cut_message(table) == MESSAGE
     assert cut_message(fixed) == cut_note(fixed) == ""
+    precise = fixed.assign({END_REASON: ("row", [PRECISE] * 2 + [FULL] * (fixed.sizes["row"] - 2))})
+    assert cut_message(precise.assign_attrs({END_STATION: "dc"})) == (
+        "Rows 0-1 ended when electrical DC [dc] was precise; powers of other stations may have "
+        "larger errors."
+    )
     frame = row_frame(table)
     assert frame.index[frame[END_REASON] == WORSE].tolist() == CUT
     assert float(power_surfaces(table)["ended_early"].sum()) == len(CUT)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rig.analysis.points import Point
+from rig.analysis.points import Point, _point
 from rig.analysis.ranking import difference, not_worse
 
 DRAWS = np.random.default_rng(20_261_126)
@@ -67,3 +67,50 @@ def test_the_best_of_equal_points_is_excluded_as_often_as_stated() -> None:
         best = min(points, key=lambda point: point.power["ac"])
         excluded += not_worse(points, best, "ac") == ()
     assert 0.028 < excluded / 1000 < 0.072
+
+
+def of_windows(values: list[float], errors: list[float], row: int = 0) -> Point:
+    """A point with a row in each of several seas; an error of 0 is a whole repeat period."""
+    columns = {
+        "batches": np.array([0 if error == 0.0 else 8 for error in errors]),
+        "seed": np.arange(1, len(values) + 1),
+        "row": np.arange(len(values)) + 10 * row,
+        "power_ac": np.array(values),
+        "power_ac_se": np.array([math.nan if error == 0.0 else error for error in errors]),
+        "power_ac_dof": np.full(len(values), 6.0),
+    }
+    rows = list(range(len(values)))
+    return _point({"kp": float(row)}, columns, rows, ["ac"], math.nan)
+
+
+def test_two_seas_that_agree_by_chance_are_no_better_known_than_their_windows() -> None:
+    point = of_windows([-8.97, -8.95], [0.10, 0.30])
+    assert point.error["ac"] == pytest.approx(math.hypot(0.10, 0.30) / 2)
+    # Welch and Satterthwaite: (a + b)^2 / (a^2 / 6 + b^2 / 6) with the variances a and b
+    assert point.dof["ac"] == pytest.approx(6.0 * (0.01 + 0.09) ** 2 / (0.01**2 + 0.09**2))
+    whole = of_windows([-8.97, -8.95], [0.0, 0.0], 1)
+    assert point.error["ac"] > 5 * whole.error["ac"] == pytest.approx(5 * 0.01)
+    assert difference(point, whole, "ac")[1] > difference(whole, whole, "ac")[1] == 0.0
+
+
+def test_the_interval_of_seas_with_short_windows_contains_the_mean() -> None:
+    """Of 2000 points of two seas, at least 95 % have their mean in the interval."""
+    inside = 0
+    for _ in range(2000):
+        values = DRAWS.normal(-8.0, 0.05, 2) + DRAWS.normal(0.0, 0.3, 2)
+        errors = 0.3 * np.sqrt(DRAWS.chisquare(6, 2) / 6)
+        inside += abs(of_windows(list(values), list(errors)).power["ac"] + 8.0) <= of_windows(
+            list(values), list(errors)
+        ).expanded("ac")
+    assert inside >= 0.94 * 2000  # three deviations below 95 %
+
+
+def test_a_row_is_judged_against_its_reference_by_the_error_of_their_difference() -> None:
+    reference = of_periods(np.array([-50.0, -50.0]))._replace(
+        error={"ac": math.nan}, dof={"ac": math.nan}, is_reference=True
+    )
+    row = of_periods(np.array([-49.0, -48.0, -50.0, -49.0]), 1)._replace(is_compared=True)
+    watts, half = difference(row, reference, "ac")
+    assert watts == pytest.approx(1.0)
+    assert half == pytest.approx(stats.t.ppf(0.975, 3) * row.error["ac"])
+    assert math.isnan(difference(reference, reference, "ac")[1])  # two whole periods: unknown

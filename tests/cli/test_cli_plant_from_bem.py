@@ -99,7 +99,10 @@ def test_four_modes_with_one_pto(tmp_path: Path) -> None:
     plant = load(tmp_path / "body.yaml")
     assert list(plant["modes"]) == ["float_heave", "spar_heave", "surge", "pitch"]
     assert list(plant["axes"]) == ["float_heave"]
-    assert plant["sensors"] == {"dc_power": {"signal": "float_heave.electric_power", "noise": 0.1}}
+    assert {name: sensor["signal"] for name, sensor in plant["sensors"].items()} == {
+        "dc_power": "float_heave.electric_power",
+        "load_cell": "float_heave.force",
+    }
     assert plant["bem"] == "lupa.nc"
     assert sorted(path.name for path in tmp_path.glob("*.nc")) == ["lupa.nc"]
 

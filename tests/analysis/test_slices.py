@@ -396,6 +396,9 @@ def test_small_power_differences_are_drawn_flat() -> None:
     flat, hilly = panel.power_scale([-67.51, -67.52]), panel.power_scale([-67.0, -68.0])
     assert flat.norm(-67.51) == pytest.approx(flat.norm(-67.52), abs=0.02)
     assert hilly.norm(-67.0) - hilly.norm(-68.0) > 0.7
+    small = panel.power_scale([-1e-4, -3e-5])  # W, of small powers the range is all there is
+    assert small.norm(-3e-5) - small.norm(-1e-4) > 0.7
+    assert panel.power_scale([0.0, 0.0]).norm(0.0) == pytest.approx(0.5)
     symmetric = panel.power_scale([0.01, 0.02], symmetric=True)
     assert symmetric.norm(0.0) == pytest.approx(0.5)
 

@@ -41,6 +41,7 @@ POWER_COLOURS = colormaps["YlGnBu_r"]  # most absorbed is dark blue; safe for co
 _STEPS = [1, 2, 2.5, 5, 10]
 CAPTION_LETTERS = 17  # per inch
 _MIN_SPAN = 0.1  # W; a smaller range is drawn flat, not stretched over the whole scale
+_ROUNDING = 1.0e-9  # W
 
 PanelContent = Literal["surface", "line", "nothing"]
 
@@ -68,7 +69,8 @@ def power_scale(
         low = -high
     else:
         low, high = _widen(low, high)
-    if high - low < _MIN_SPAN:
+    small = not symmetric and _ROUNDING < max(abs(low), abs(high)) < _MIN_SPAN
+    if high - low < _MIN_SPAN and not small:  # of small powers a share of them is drawn
         middle = 0.5 * (low + high)
         low, high = middle - 0.5, middle + 0.5
     return Scale(MaxNLocator(10).tick_values(low, high), colours)

@@ -328,6 +328,8 @@ def write_sliced(
             labels.axis_label(y) if content == "surface" else plot.get_ylabel(), fontsize=8
         )
         panel.add_heading(plot, slice_heading(slice_), panel.count_lines([caption]))
+        if slice_.station == stations.shown(matrix.stations)[0]:  # that of the body
+            panel.mark_match(plot, slice_, json.loads(table.attrs.get(MATCH, "{}")))
     return picture.save(figure, path)
 
 

@@ -33,6 +33,7 @@ from rig.stations import in_tables
 MAX_SECONDS = 7200.0
 """Length of the part of a plan that a check simulates unasked, s: some seconds of work."""
 _SHOWN_ROWS = 12
+_SMALL_PEAK = 0.01  # m or rad: three decimals of smaller ones have no two digits
 _MAX_EQUAL = 10
 _MOTION = {
     "position_peak": "x peak",
@@ -101,7 +102,9 @@ class SimulatedRows(NamedTuple):
         """The format of each number that a table shows, by its name in the row table."""
         ranges = (check.name for check in self.contents.checks if check.statistic == "range")
         powers = (f"power_{station.name}" for station in in_tables(self.contents.stations))
-        digits = dict.fromkeys(_MOTION, ".4g") | {"position_peak": ".3f"}
+        peaks = [row["position_peak"] for row in self.rows if row["state"] != NOT_RUN]
+        peak = ".3f" if any(each >= _SMALL_PEAK for each in peaks) else ".3g"
+        digits = dict.fromkeys(_MOTION, ".4g") | {"position_peak": peak}
         return digits | dict.fromkeys(ranges, ".3f") | dict.fromkeys(powers, ".4g")
 
     @property

@@ -18,6 +18,7 @@ from rig.api.campaign_run import (
     find_rehearsal,
     open_task,
 )
+from rig.campaign import CheckReport
 from rig.cli.check import print_problems, with_simulated_rows
 from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
 from rig.cli.options import RUNS, TASK_HELP, Interpreted, Json, Realtime, Rig, Runs, Sim, WithPage
@@ -141,6 +142,8 @@ def run_named(
     if checked.rig.wiring is not None:  # a rehearsal finds a trip by itself
         report = with_simulated_rows(report)
         opened = opened._replace(report=report)
+        if refused := _refused(report, options):
+            return print_problems(CheckReport(path, refused, None, None), as_json=as_json)
     with input_errors(command_name, as_json=as_json):
         rehearsed = find_rehearsal(opened.campaign, runs, options, _notice)
     if not as_json:
@@ -165,6 +168,11 @@ def run_named(
         print_end(done.ended, done.products.text, done.lost)
         _print_folder(done.ended, done.products.files, done.trouble)
     return exit_code(done.ended.outcome, done.failed, interrupted=bool(done.products.interrupted))
+
+
+def _refused(report: Report, options: RunOptions) -> tuple[Problem, ...]:
+    """Return why `rig check` refuses the rows; empty for those that people choose by hand."""
+    return () if options.manual or not isinstance(report, CheckReport) else report.refused
 
 
 def _notice(text: str) -> None:

@@ -75,6 +75,10 @@ def aligned(
     return lines
 
 
+_SMALL_POWER, _LEAST_POWER = 0.1, 1.0e-6  # W
+_COARSE_ERROR = 0.005  # W; a smaller one is 0.00 with two decimals
+
+
 def format_signed(value: float, digits: int = 0) -> str:
     """Return a number with its sign and a typographic minus; zero has no sign."""
     text = f"{value:+.{digits}f}"
@@ -84,11 +88,20 @@ def format_signed(value: float, digits: int = 0) -> str:
 
 
 def format_power(value: float, error: float = float("nan")) -> str:
-    """Return a power (W) with its standard error if known, both with the same decimals."""
+    """Return a power (W) with its standard error if known, both with the same decimals.
+
+    Of a power below 0.1 W three digits are shown, unless the error hides them.
+    """
+    if not error >= _COARSE_ERROR and _LEAST_POWER <= abs(value) < _SMALL_POWER:
+        digits = 2 - math.floor(math.log10(abs(value)))
+    elif math.isfinite(error):
+        digits = 0 if error >= 9.5 else 1 if error >= 0.095 else 2
+    else:
+        digits = 1 if abs(value) < 100.0 else 0
     if not math.isfinite(error):
-        return f"{format_signed(value, 1 if abs(value) < 100.0 else 0)} W"
-    digits = 0 if error >= 9.5 else 1 if error >= 0.095 else 2
-    size = f"{error:.{digits}f}" if error >= 0.005 else "<0.01"
+        return f"{format_signed(value, digits)} W"
+    last = 10.0**-digits
+    size = f"{error:.{digits}f}" if error >= 0.5 * last else f"<{last:.{digits}f}"
     return f"{format_signed(value, digits)} ± {size} W"  # plus: consumed
 
 

@@ -130,6 +130,15 @@ def mode_bem(bem: BemModes, mode: int) -> Bem:
     )
 
 
+def axis_damping(bem: BemModes, factors: Floats) -> Floats:
+    """Return the radiation damping of an axis over frequency, N s/m or N m s.
+
+    That is the one of the modes moving by `factors` (modes) while the axis moves by 1.
+    """
+    damping: Floats = np.einsum("i,fij,j->f", factors, bem.damping, factors)
+    return damping
+
+
 def impedance(bem: BemModes) -> Complexes:
     """Return K_r = B + i omega (A - A_inf) on the file's grid, for e^{+i omega t}; (n_f, n, n)."""
     omega = 2.0 * np.pi * bem.frequency[:, None, None]

@@ -372,6 +372,11 @@ def test_phrases() -> None:
     assert format_power(-231.2, 12.0) == "−231 ± 12 W"
     assert format_power(-55.04, 0.0) == "−55.04 ± <0.01 W"  # an error is never exactly zero
     assert format_power(-55.04) == "−55.0 W"
+    assert format_power(-1.234e-4, 4.2e-6) == "−0.000123 ± 0.000004 W"
+    assert format_power(-0.01234, 0.0) == "−0.0123 ± <0.0001 W"
+    assert format_power(0.01234) == "+0.0123 W"
+    assert format_power(-0.01234, 0.02) == "−0.01 ± 0.02 W"  # digits within the error are noise
+    assert format_power(0.0, 0.0) == "0.00 ± <0.01 W"
     assert format_utc("2026-11-21T10:41:01.456806+00:00") == "2026-11-21 10:41:01 UTC"
     assert format_utc("not recorded") == "not recorded"
     assert format_rows([3, 1, 2, 9]) == "rows 1-3, 9"

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from synthetic_runs import COLUMNS, POWERS, STATIONS_ATTRIBUTES
 
+from rig import stations
 from rig.analysis import labels, panel
 from rig.analysis.points import Matrix, Point, gain_matrix, varied_columns
 from rig.analysis.slices import (
@@ -395,6 +396,9 @@ def test_small_power_differences_are_drawn_flat() -> None:
     flat, hilly = panel.power_scale([-67.51, -67.52]), panel.power_scale([-67.0, -68.0])
     assert flat.norm(-67.51) == pytest.approx(flat.norm(-67.52), abs=0.02)
     assert hilly.norm(-67.0) - hilly.norm(-68.0) > 0.7
+    small = panel.power_scale([-1e-4, -3e-5])  # W, of small powers the range is all there is
+    assert small.norm(-3e-5) - small.norm(-1e-4) > 0.7
+    assert panel.power_scale([0.0, 0.0]).norm(0.0) == pytest.approx(0.5)
     symmetric = panel.power_scale([0.01, 0.02], symmetric=True)
     assert symmetric.norm(0.0) == pytest.approx(0.5)
 
@@ -410,3 +414,36 @@ def test_match_of_the_impedance_is_marked_at_the_body() -> None:
         marks = [line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "+"]
         assert marks == ([[[0.0, -2500.0]]] if axes in panels[:3] else [])
     assert "\N{MINUS SIGN}|Z|" in [text.get_text() for text in panels[0].texts]
+
+
+@pytest.mark.parametrize("with_first", [True, False])
+def test_match_of_the_impedance_is_marked_in_a_slice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, with_first: bool
+) -> None:
+    """`rig plot --surface kp ki`: on the panel of the first station, none without that station."""
+    drawn: list[Figure] = []
+
+    def keep(figure: Figure, path: Path) -> Path:
+        drawn.append(figure)
+        return path
+
+    monkeypatch.setattr("rig.presentation.picture.save", keep)
+    match = {"kp": -1500.0, "ki": 9000.0, "kp_real": -2500.0}
+    table = rows(three_springs(), own_optima).assign_attrs(impedance_match=json.dumps(match))
+    first, *others = (each.name for each in stations.shown(gain_matrix(table).stations))
+    names = (first, *others) if with_first else tuple(others)
+    write_sliced(table, tmp_path / "a.png", (KI, KP), names=names)
+    (figure,) = drawn
+    panels = [
+        axes
+        for part in (figure, *figure.subfigs)
+        for axes in part.axes
+        if axes.get_subplotspec() is not None
+    ]
+    marks = [
+        line.get_xydata().tolist()
+        for axes in dict.fromkeys(panels)
+        for line in axes.lines
+        if line.get_marker() == "+"
+    ]
+    assert marks == ([[[0.0, -2500.0]]] if with_first else [])

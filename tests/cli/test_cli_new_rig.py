@@ -369,6 +369,28 @@ def test_files_pass_the_check_and_run_and_sweep_at_once(dof: str, tmp_path: Path
     assert json.loads(swept.stdout)["rows"] == {"complete": 12}
 
 
+def test_the_first_waves_of_a_deep_resonance_are_radiated_ones(tmp_path: Path) -> None:
+    """The cylinder in pitch resonates at 0.17 Hz, where it neither radiates nor is excited."""
+    done = new(tmp_path, "--bem", CYLINDER, "--dof", "Pitch")
+    assert done.returncode == 0, done.stderr
+    campaign = tmp_path / "buoy" / "campaign.yaml"
+    frequency = load(campaign)["sea"]["frequency_hz"]
+    bem, plant = read_modes(CYLINDER, ["Pitch"]), load(tmp_path / "buoy" / "plant.yaml")
+    body = plant["modes"]["pitch"]
+    # The largest power of one mode, |F|^2 / 8 Re Z, on the file's own frequencies.
+    hertz, damping = bem.frequency, bem.damping[:, 0, 0]
+    power = np.abs(bem.excitation[:, 0]) ** 2 / (8.0 * (damping + body["linear_damping"]))
+    power[damping < 0.05 * damping.max()] = 0.0
+    assert frequency == pytest.approx(hertz[power.argmax()], abs=0.025)
+    header = " ".join(campaign.read_text().replace("#", " ").split())
+    assert "At 0.13 Hz, below the resonance at 0.169 Hz, the axis radiates hardly any" in header
+    assert "warning" not in rig("check", campaign).stdout
+    campaign.write_text(campaign.read_text().replace(f"_hz: {frequency}", "_hz: 0.13"))
+    checked = rig("check", campaign)
+    warned = " ".join((checked.stdout + checked.stderr).split())
+    assert "sea: at 0.13 Hz the radiation damping of pitch is 3e-07 of its largest" in warned
+
+
 def answered(folder: Path, *answers: str, options: Sequence[str] = ()) -> Any:
     """Return the result of `rig new rig asked --ask` with these answers at the terminal."""
     return CliRunner().invoke(

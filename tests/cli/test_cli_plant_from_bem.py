@@ -17,8 +17,9 @@ from mode_plants import CYLINDER, HEMISPHERE, WAVEBOT
 from ruamel.yaml import YAML
 
 from rig.kinds.modular.bem_picture import _impulse_response
-from rig.kinds.modular.from_bem import PlantRequest, fit_plant
+from rig.kinds.modular.from_bem import PlantRequest, fit_plant, natural_period
 from rig.kinds.modular.mode_choice import ModeOptions
+from rig.kinds.modular.plant_checks import plant_findings
 from rig.kinds.modular.rehearsal.devices import build_world
 from rig.kinds.modular.rehearsal.job import campaign_settings
 from rig.kinds.modular.simulation import plant_data
@@ -26,7 +27,7 @@ from rig.kinds.modular.tasks import examine
 from sim_plant.modes import stored_radiation
 from sim_plant.modes.bem import read_modes
 from sim_plant.modes.building import build
-from sim_plant.modes.parameters import Plant
+from sim_plant.modes.parameters import Mode, Plant
 
 THREE = ("--dof", "Surge", "--dof", "Heave", "--dof", "Pitch", "--stiffness", "Surge=5000")
 LUPA = (
@@ -63,7 +64,7 @@ def test_three_coupled_modes(tmp_path: Path) -> None:
     # The period with the added mass there: omega^2 (m + A(omega)) = K.
     omega = 2.0 * np.pi / heave["natural_period_s"]
     added = np.interp(omega / 2.0 / np.pi, bem.frequency, bem.added_mass[:, 1, 1])
-    assert omega**2 * (heave["mass"] + added) == pytest.approx(heave["stiffness"], rel=2e-3)
+    assert omega**2 * (heave["mass"] + added) == pytest.approx(heave["stiffness"], rel=1e-9)
     # Haskind's relation of an axisymmetric body in heave, in deep water: B = omega^3 |X|^2 /
     # (2 rho g^3). The mesh of the file keeps it within 2.4 %.
     force = np.interp(omega / 2.0 / np.pi, bem.frequency, np.abs(bem.excitation[:, 1]))
@@ -326,6 +327,62 @@ def test_contradictions_are_warnings_of_the_check(tmp_path: Path) -> None:
     assert "the body displaces 3.136 m3 = 3136 kg" in mass["message"]
     assert "without another force 2979 .. 3293 kg" in mass["message"]
     assert "but the BEM file states 30763 N/m" in stiffness["message"]
+
+
+@pytest.mark.parametrize(
+    ("dof", "mass", "text"),
+    [
+        ("Heave", 3.135, "3.135 kg, but the BEM file states 3135.9 kg"),  # tonnes
+        ("Heave", 2800.0, "2800 kg, but the BEM file states 3135.9 kg"),
+        ("Heave", 3100.0, ""),
+        ("Pitch", 1000.0, "1000 kg*m2, but the BEM file states 1079"),
+    ],
+)
+def test_a_mass_unlike_the_inertia_of_the_file_is_a_finding(
+    dof: str, mass: float, text: str
+) -> None:
+    """The file of the cylinder states the inertia, but no volume."""
+    bem = read_modes(CYLINDER, [dof])
+    assert bem.volume == (None,)
+    mode = {"dof": dof, "mass": mass}
+    weight = {"mass": 100.0, "stiffness": 0.0}  # out of the water, before the body
+    modes = {"weight": Mode.model_validate(weight), "body": Mode.model_validate(mode)}
+    plant = Plant.model_construct(modes=modes)
+    found = [(key, message) for key, _, message in plant_findings(plant, bem)]
+    if not text:
+        assert found == []
+        return
+    ((key, message),) = found
+    assert key == ("modes", "body", "mass")
+    assert message.startswith(text)
+    assert message.endswith("(inertia_matrix of the BEM file)")
+
+
+def test_a_mass_in_tonnes_is_a_warning_of_the_check(tmp_path: Path) -> None:
+    written = rig("new", "rig", "buoy", "--bem", CYLINDER, "--dof", "Heave", "--folder", tmp_path)
+    assert written.returncode == 0, written.stderr
+    change(
+        tmp_path / "buoy" / "plant.yaml",
+        lambda plant: plant["modes"]["heave"].update(mass=3.135),
+    )
+    done = rig("check", tmp_path / "buoy" / "campaign.yaml")
+    assert "3.135 kg, but the BEM file states 3135.9 kg" in done.stdout + done.stderr
+
+
+def test_the_period_has_the_added_mass_there() -> None:
+    """A line between two frequencies: K = omega^2 (m + a + b omega), solved as a cubic."""
+    bem = read_modes(CYLINDER, ["Pitch"])
+    assert bem.stiffness is not None
+    assert bem.inertia is not None
+    mass, stiffness = float(bem.inertia[0, 0]), float(bem.stiffness[0, 0])
+    period = natural_period(bem, 0, mass, stiffness)
+    assert period is not None
+    k = int(np.searchsorted(bem.frequency, 1.0 / period)) - 1
+    omega, added = 2.0 * np.pi * bem.frequency[k : k + 2], bem.added_mass[k : k + 2, 0, 0]
+    slope = float(np.diff(added)[0] / np.diff(omega)[0])
+    roots = np.roots([slope, mass + added[0] - slope * omega[0], 0.0, -stiffness])
+    (inside,) = [r.real for r in roots if abs(r.imag) < 1e-12 and omega[0] <= r.real <= omega[1]]
+    assert period == pytest.approx(2.0 * np.pi / inside, rel=1e-9)
 
 
 def test_waves_beyond_the_bem_file_are_refused_or_a_warning(tmp_path: Path) -> None:

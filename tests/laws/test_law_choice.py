@@ -243,6 +243,10 @@ def test_a_check_shows_the_columns_of_all_laws(
     SimulatedRows(report.campaign, 2, found, "PLAN_END", contents, units).show(every_row=True)
     simulated = cells(capsys.readouterr().out)
     assert {key: simulated[key] for key in settings} == settings
+    for peak, digits in ((0.00123, ".3g"), (0.123, ".3f")):  # m
+        measured = (*found, found[0] | {"state": "complete", "position_peak": peak})
+        shown = SimulatedRows(report.campaign, 3, measured, "", contents, {})
+        assert shown.numbers["position_peak"] == digits
     _, text = plan_position(report.plan, {"plan.row": 1, "plan.phase": int(Phase.MEASURE)})
     assert text.endswith("c 1500 N·s/m   law damper   spring rate 490.9 N/m")
 

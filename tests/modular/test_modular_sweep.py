@@ -122,6 +122,16 @@ def test_check_simulates_the_rows_where_the_loop_is_compiled(
     assert done.returncode == 2
     assert f"VELOCITY in row 0 or before it; {len(states)} of {len(states)} rows" in done.stdout
     assert done.stdout.endswith("the campaign cannot be run\n")
+    # Of a wired rig `rig run` refuses what the check does; a rehearsal shows how it trips.
+    wired = ("run", tight / "campaign.yaml", "--rig", tight / "rig_hil.yaml")
+    hil = (tight / "limits_hil.yaml").read_text()
+    hil = re.sub(r"velocity_stop_m_per_s: \S+", "velocity_stop_m_per_s: 0.01", hil)
+    (tight / "limits_hil.yaml").write_text(hil)
+    for mode in ((), ("--sim",)):
+        done = rig_here(*wired, *mode, "--runs", tight / "refused")
+        assert done.returncode == 2, done.stdout + done.stderr
+        assert f"VELOCITY in row 0 or before it; {len(states)} of {len(states)}" in done.stdout
+    assert not (tight / "refused").exists()
     refused = json.loads(rig_here("check", tight / "campaign.yaml", "--json").stdout)
     assert not refused["ok"]
     assert [each["message"] for each in refused["problems"]] == [

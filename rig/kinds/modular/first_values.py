@@ -24,6 +24,8 @@ from rig.kinds.modular.plant_text import (
     sea_band,
 )
 from rig.planning.tank import wave_number
+from sim_plant.modes import radiation
+from sim_plant.modes.bem import axis_damping
 from sim_plant.modes.bem_content import Complexes, Floats
 from sim_plant.modes.building import factors_between
 
@@ -49,6 +51,7 @@ class LinearPlant(NamedTuple):
     excitation: Complexes  # (n), force per metre of wave amplitude: F_pto
     compliance: Floats | None  # (n, n), motion per static force; None: a mode drifts
     wave_number: float  # 1/m
+    reason: str  # why the waves have this frequency, a sentence
 
 
 class AxisGrid(NamedTuple):
@@ -106,7 +109,7 @@ def first_values(
 
 
 def linear_plant(chosen: ChosenModes, frequency: float | None = None) -> LinearPlant:
-    """Return the axes of a plant at a frequency (Hz), or at one below the resonance of the first.
+    """Return the axes of a plant at a frequency (Hz), or at one that suits the first of them.
 
     ValueError for a frequency that no sea or file has.
     """
@@ -120,8 +123,9 @@ def linear_plant(chosen: ChosenModes, frequency: float | None = None) -> LinearP
             f"the BEM file has {bem.frequency[0]:.3g} .. {bem.frequency[-1]:.3g} Hz, and a sea "
             f"{SEA_HZ[0]:g} .. {SEA_HZ[1]:g} Hz: nothing in common"
         )
+    reason = "The frequency of the waves is the given one."
     if frequency is None:
-        frequency = _wave_frequency(chosen, factors[0], band)
+        frequency, reason = _wave_frequency(chosen, factors[0], band)
     elif not band[0] <= frequency <= band[1]:
         raise ValueError(
             f"--frequency {frequency:g} Hz is outside the BEM file and the band of the seas; "
@@ -136,7 +140,7 @@ def linear_plant(chosen: ChosenModes, frequency: float | None = None) -> LinearP
         compliance = factors @ np.linalg.inv(stiffness) @ factors.T
     return LinearPlant(
         frequency, impedance, impedance @ factors @ mobility @ forces, compliance,
-        wave_number(2.0 * math.pi * frequency, bem.depth, bem.gravity),
+        wave_number(2.0 * math.pi * frequency, bem.depth, bem.gravity), reason,
     )  # fmt: skip
 
 
@@ -159,24 +163,49 @@ def _impedance(chosen: ChosenModes, frequency: Floats) -> Complexes:
     return total
 
 
-def _wave_frequency(chosen: ChosenModes, factors: Floats, band: tuple[float, float]) -> float:
-    """Return a frequency (Hz) below the highest resonance of an axis whose PTOs have no force.
+def _wave_frequency(
+    chosen: ChosenModes, factors: Floats, band: tuple[float, float]
+) -> tuple[float, str]:
+    """Return a frequency (Hz) for the axis with the given factors, and the reason for it.
 
-    Between two bodies there is an anti-resonance, too, where they move as one: the frequency is
-    above it. Without a resonance it is the centre of the band.
+    It is below the highest resonance of the axis while its PTO has no force; without a resonance
+    the centre of the band. Between two bodies there is an anti-resonance, too, where they move as
+    one: the frequency is above it. Where the axis radiates hardly any waves there, waves hardly
+    excite it (Haskind's relation), and the frequency is that of the largest power instead.
     """
     hertz = np.linspace(*band, 1000)
     mobility = np.linalg.inv(_impedance(chosen, hertz))
-    reactance = (1.0 / np.einsum("i,fij,j->f", factors, mobility, factors)).imag
+    impedance = 1.0 / np.einsum("i,fij,j->f", factors, mobility, factors)
+    reactance = impedance.imag
     rises = np.flatnonzero((reactance[:-1] < 0.0) & (reactance[1:] >= 0.0))
     falls = np.flatnonzero((reactance[:-1] >= 0.0) & (reactance[1:] < 0.0))
-    centre = math.sqrt(band[0] * band[1])
+    centre, place = math.sqrt(band[0] * band[1]), "the centre of the band"
     if rises.size:
         resonance = float(hertz[rises[-1]])
         centre = _BELOW_RESONANCE * resonance
+        place = f"below the resonance at {resonance:.3g} Hz"
         for fall in falls[falls < rises[-1]][-1:]:
             centre = max(centre, math.sqrt(float(hertz[fall]) * resonance))
-    short = rounded(centre, 2)  # few digits, so that the sea repeats soon
+    damping = interp1d(chosen.bem.frequency, axis_damping(chosen.bem, factors))(hertz)
+    radiating = hertz[radiation.wave_band(damping[:, None, None])]
+    first = _short(centre, band)
+    if radiating[0] <= first <= radiating[-1]:
+        return first, f"The waves are {place}."
+    forces = interp1d(chosen.bem.frequency, chosen.bem.excitation.conj(), axis=0)(hertz)
+    driven = impedance * np.einsum("i,fij,fj->f", factors, mobility, forces)
+    within = (hertz >= radiating[0]) & (hertz <= radiating[-1]) & (impedance.real > 0.0)
+    power = np.where(within, np.abs(driven) ** 2 / (8.0 * np.abs(impedance.real)), 0.0)
+    best = _short(float(hertz[power.argmax()]), band)
+    return best, (
+        f"At {first:.3g} Hz, {place}, the axis radiates hardly any waves, so that waves hardly "
+        f"excite it; it radiates at {radiating[0]:.3g} .. {radiating[-1]:.3g} Hz. The frequency is "
+        "that of the largest power |F|^2 / (8 Re Z) there."
+    )
+
+
+def _short(frequency: float, band: tuple[float, float]) -> float:
+    """Return a frequency within a band (Hz) with few digits, so that the sea repeats soon."""
+    short = rounded(frequency, 2)
     if short < band[0]:
         return math.ceil(1e3 * band[0]) / 1e3
     return min(short, math.floor(1e3 * band[1]) / 1e3)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from ruamel.yaml import YAML
+from scipy.optimize import brentq
 
 from rig.kinds.modular.first_values import first_pto, first_values
 from rig.kinds.modular.mode_choice import ChosenModes, ModeOptions, choose_modes
@@ -150,12 +151,20 @@ def fit_plant(request: PlantRequest) -> FittedPlant:
 
 
 def natural_period(bem: BemModes, mode: int, mass: float, stiffness: float) -> float | None:
-    """Return the period (s) of a mode alone, with the added mass there; None outside the band."""
-    omega = 2.0 * np.pi * bem.frequency
-    reactance = omega * omega * (mass + bem.added_mass[:, mode, mode]) - stiffness
-    for k in np.flatnonzero((reactance[:-1] < 0.0) & (reactance[1:] >= 0.0)):
-        share = -reactance[k] / (reactance[k + 1] - reactance[k])
-        return float(2.0 * np.pi / (omega[k] + share * (omega[k + 1] - omega[k])))
+    """Return the period (s) of a mode alone, with the added mass there; None outside the band.
+
+    The added mass is linear between the file's frequencies, as `coefficient_at` has it.
+    """
+    hertz, added = bem.frequency, bem.added_mass[:, mode, mode]
+
+    def surplus(frequency: float) -> float:
+        """Return inertial less restoring force per motion, N/m or N*m/rad."""
+        inertia = mass + float(np.interp(frequency, hertz, added))
+        return (2.0 * math.pi * frequency) ** 2 * inertia - stiffness
+
+    surpluses = np.array([surplus(each) for each in hertz])
+    for k in np.flatnonzero((surpluses[:-1] < 0.0) & (surpluses[1:] >= 0.0)):
+        return 1.0 / float(brentq(surplus, hertz[k], hertz[k + 1]))
     return None
 
 

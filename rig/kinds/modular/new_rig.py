@@ -174,7 +174,7 @@ def file_texts(
             ),
         },
         "campaign": {
-            "impedances": _wrapped(parts("campaign_axis")),
+            "impedances": _wrapped(f"# {values.linear.reason}\n" + parts("campaign_axis")),
             "matrix": _matrix(chosen, values),
         },
     }  # fmt: skip

@@ -10,6 +10,7 @@ from rig.campaign.law_checks import compilation_problems, rule_warnings
 from rig.campaign.record import law_source, plan_record, reference_record
 from rig.campaign.set_points import row_setting
 from rig.config.problems import Problem
+from rig.config.sea import RegularSea
 from rig.design.axis_params import newtons_per_ampere
 from rig.emulation.campaign_sea import campaign_sea, sea_record
 from rig.kinds.modular.build import campaign_composition, campaign_params
@@ -17,7 +18,7 @@ from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.equilibrium import equilibrium_check
 from rig.kinds.modular.match import impedance_match
-from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding
+from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding, still_axes
 from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
 from rig.kinds.modular.row_contents import axis_channels, row_contents
 from rig.kinds.modular.tick import find_kind
@@ -72,6 +73,10 @@ def _plant_warnings(campaign: AnyCampaign) -> tuple[Problem, ...]:
     share, message = sea_finding(campaign_sea(campaign), bem)
     if share > UNEXCITED:
         found += (campaign.locate.problem(("sea",), share, message),)
+    sea = campaign.file.sea
+    if isinstance(sea, RegularSea):
+        messages = still_axes(sea.frequency, plant, bem)
+        found += tuple(campaign.locate.problem(("sea",), sea.frequency, each) for each in messages)
     return found
 
 

@@ -21,19 +21,13 @@ from rig.config.shipped_files import FAULTS
 from rig.config.wiring import WiringError
 from rig.emulation.control_client import ControlError
 from rig.execution.emulated_rig import EmulatedRig, check_task, emulated_rig
-from rig.execution.fault_runs import (
-    RehearsedFault,
-    available_faults,
-    fault_limits,
-    rehearse_faults,
-)
+from rig.execution.fault_check import Faults, check_faults, known_faults
+from rig.execution.fault_runs import RehearsedFault, rehearse_faults
 from rig.execution.fault_table import (
     FaultRow,
     FaultTable,
-    load_table,
     missing_rows,
-    refused_values,
-    unknown_rows,
+    read_table,
 )
 from rig.kinds.interface import Tasks
 from rig.presentation.console import table_console
@@ -75,15 +69,17 @@ def command(
     """
     with input_errors("faults", as_json=as_json):
         rig = rig_file(rig)
-        loaded = load_table(input_file(table, FAULTS), rig)
+        loaded = read_table(input_file(table, FAULTS), rig)
         chosen = loaded.selection(only or (), every=every)
-        if listed:
-            return _list_rows(loaded, chosen, as_json=as_json)
         tasks: Tasks = loaded.kind.room("tasks")
         short = check_task(tasks, loaded.task, rig)
         long = check_task(tasks, loaded.long_task, rig)
+        faults = known_faults(loaded, short)
+        check_faults(loaded, short, loaded.rows if listed else chosen, faults)
+        if listed:
+            return _list_rows(loaded, chosen, as_json=as_json)
     folder = create.create_folder(runs, f"faults_{loaded.name}", datetime.now(UTC))
-    rehearsal = _Rehearsal(loaded, chosen, folder, quiet=as_json)
+    rehearsal = _Rehearsal(loaded, chosen, faults, folder, quiet=as_json)
     interrupted = False
     try:
         with (
@@ -107,12 +103,12 @@ class _Rehearsal:
     """The faults rehearsed so far, on the terminal and in the folder's file."""
 
     def __init__(
-        self, table: FaultTable, rows: list[FaultRow], folder: Path, *, quiet: bool
+        self, table: FaultTable, rows: list[FaultRow], faults: Faults, folder: Path, *, quiet: bool
     ) -> None:
         self._table, self._rows, self._folder, self._quiet = table, rows, folder, quiet
         self._records: list[dict[str, Any]] = []
         self._began = datetime.now(UTC)
-        self._missing: list[str] = []
+        self._missing = missing_rows(table.rows, faults)
 
     @property
     def wrong(self) -> list[str]:
@@ -129,16 +125,7 @@ class _Rehearsal:
                 _remove_without_runs(self._folder)
 
     def run(self, rig: EmulatedRig) -> None:
-        """Rehearse all faults; ValueError names rows whose fault or value is unknown."""
-        available = available_faults(rig)
-        if unknown := unknown_rows(self._rows, available):
-            raise ValueError(
-                f"{self._table.path}: the emulated devices of this rig do not have: "
-                f"{'; '.join(unknown)}; they have: {_by_device(available)}"
-            )
-        if refused := refused_values(self._rows, fault_limits(rig)):
-            raise ValueError(f"{self._table.path}: {'; '.join(refused)}")
-        self._missing = missing_rows(self._table.rows, available)
+        """Rehearse all faults."""
         config = json.loads(rig.task.config)
         head = {
             "table": self._table.name,
@@ -239,10 +226,6 @@ def _list_rows(table: FaultTable, rows: list[FaultRow], *, as_json: bool) -> int
     table_path, task = display_path(table.path), display_path(table.task)
     print(f"\n{len(rows)} of {len(table.rows)} rows of {table_path}; each in a run of {task}")
     return OK
-
-
-def _by_device(available: dict[str, tuple[str, ...]]) -> str:
-    return "; ".join(f"{name}: {', '.join(faults)}" for name, faults in available.items())
 
 
 def _remove_without_runs(folder: Path) -> None:

@@ -11,11 +11,11 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from drivers.canopen.bus_settings import BusSettings
+from drivers.canopen.bus_settings import SOCKETCAND_PORT, BusSettings
 from drivers.cia402.drive_objects import BY_NAME
 from drivers.modbus.registers import BIT_TABLES, MAX_SIZE, REGISTER_COUNT
 from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
-from rig.config.problems import format_number
+from rig.config.problems import format_number, format_value
 from rig.config.segment import (
     ANY_DRIVE,
     POSITION_DRIVE,
@@ -48,6 +48,13 @@ class CanBus(FileModel):
     heartbeat_s: float = Field(ge=0.005, le=1)  # between our heartbeats, sent from the tick
     slow_divider: Divider  # SYNCs between mode display and error code of a drive
     actuator_divider: Divider  # SYNCs between commands to an actuator
+
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the TCP port of socketcand, which the emulated bus opens, too."""
+        port = self.options.get("port", SOCKETCAND_PORT)
+        if self.interface == "socketcand" and not (type(port) is int and 1 <= port <= 65_535):
+            message = f"{format_value(port)} is no TCP port; allowed 1 .. 65535"
+            yield RuleViolation(("options", "port"), message, port)
 
     def settings(self) -> BusSettings:
         """Return the settings with which programs open the bus."""

@@ -22,13 +22,14 @@ from typing import Any
 
 from rig.emulation.devices import EmulatedDevices
 from sim_plant.emulators.link_faults import FAULTS as LINK
+from sim_plant.emulators.link_faults import SHARE, Toward
 from sim_plant.emulators.link_faults import VALUES as LINK_VALUES
-from sim_plant.emulators.link_faults import Toward
 from sim_plant.emulators.modbus_unit import ModbusUnit
 
 # The check sums of CAN and Ethernet reject every corrupted frame, and a babbling device on a bus is
 # a node.
 BUS_LINK_FAULTS = ("drop", "delay", "duplicate", "freeze", "disconnect")
+_LINK_UNITS = {name: "of 1" if limits == SHARE else "s" for name, limits in LINK_VALUES.items()}
 _SEVERITY_FIELDS = {"babble": "babble_period"}  # field of the severity that a fault's number sets
 
 
@@ -94,7 +95,7 @@ class ControlServer:
             listed[name] = {
                 fault: {
                     "effect": effect,
-                    "value": "share or s" if fault in LINK_VALUES else "",
+                    "value": _LINK_UNITS.get(fault, ""),
                     "limits": LINK_VALUES.get(fault, ()),
                 }
                 for fault, effect in LINK.items()

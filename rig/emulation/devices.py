@@ -187,11 +187,9 @@ def _modbus_line(line: AnyLine, units: dict[int, ModbusUnit]) -> Emulator:
 
 
 def serial_line(wire: SerialPort | RtuLine) -> SerialLine:
-    """Return a serial line under the path of a port, whose missing folders are created."""
+    """Return a serial line under the path of a port, whose missing folders its start creates."""
     bits = 11 if wire.parity != "N" or wire.stop_bits == 2 else 10
-    path = Path(wire.port)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return SerialLine(SerialLineSettings(path, wire.baud, bits), LinkFaults(seed=1))
+    return SerialLine(SerialLineSettings(Path(wire.port), wire.baud, bits), LinkFaults(seed=1))
 
 
 def load_cell(

@@ -38,6 +38,17 @@ def emulation_process(module: str, rig: BaseRigFile, **config: Any) -> IoProcess
     return IoProcess(PROCESS_NAME, module, config, {}, READY_TIMEOUT_S, starts_first=True)
 
 
+def faults_of_devices(
+    build: Build[R], rig: R, config: dict[str, Any]
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return every fault of the devices as their control port does, without starting them."""
+    loop = asyncio.new_event_loop()  # devices take their time from one
+    try:
+        return ControlServer(build(rig, config, loop)).list_faults()
+    finally:
+        loop.close()
+
+
 def run_devices(model: type[R], build: Build[R]) -> None:
     """Run the process: serve until terminated, or until some time after the loop's end."""
 

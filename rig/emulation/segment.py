@@ -48,12 +48,13 @@ class EmulatedSegment:
     ) -> None:
         self.address = ""
         self.link = LinkFaults()
-        self.nodes: dict[str, EmulatedSlave | EmulatedLine] = {}  # from the start on
+        self.nodes: dict[str, EmulatedSlave | EmulatedLine] = {}  # all once terminals are added
         self._slaves: dict[str, EmulatedSlave] = {}
         self._wiring, self._segment = wiring, segment
         self._world, self._schedule = world, schedule
         self._cable = Cable(segment.interface)
         self._by_name = {slave.name: slave for slave in segment.line}
+        self._line: EmulatedLine | None = None
         self._wire: Wire | None = None
         self._reads: dict[str, dict[str, Callable[[], float]]] = {}  # by slave and value
         self._writes: dict[str, dict[str, Callable[[float], None]]] = {}
@@ -110,16 +111,17 @@ class EmulatedSegment:
                 elif key in reads and value.plus is None:  # a sum has no inverse
                     get = partial(_get_scaled, reads[key], value.scale, value.offset)
                     self._reads.setdefault(value.slave, {})[value.value] = get
-
-    async def start(self) -> None:
-        """Plug the cable in and switch the slaves on."""
         for slave in self._segment.line:
             if slave.name not in self._slaves:
                 self._slaves[slave.name] = self._terminal(slave)
-        line = EmulatedLine([self._slaves[slave.name] for slave in self._segment.line])
-        self.nodes |= {**self._slaves, "segment": line}
+        self._line = EmulatedLine([self._slaves[slave.name] for slave in self._segment.line])
+        self.nodes |= {**self._slaves, "segment": self._line}
+
+    async def start(self) -> None:
+        """Plug the cable in and switch the slaves on; `add_terminals` came before."""
+        assert self._line is not None
         self._cable.plug()
-        self._wire = Wire(line, self._cable.far, self.link, longest_wait_ns=_LONGEST_WAIT_NS)
+        self._wire = Wire(self._line, self._cable.far, self.link, longest_wait_ns=_LONGEST_WAIT_NS)
         await self._wire.start()
         self.address = f"{self._cable.interface} (slaves on {self._cable.far})"
 

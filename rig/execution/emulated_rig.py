@@ -4,7 +4,6 @@
 switched on by their control port (`rig.emulation.control`).
 """
 
-import difflib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +18,6 @@ from rig.kinds.registry import RigKind
 from rig.processes.io_processes import IoProcess, IoProcesses
 from rig.processes.run_types import Task
 from rig.realtime.sequence import MEASURE
-from rig.recording.row_layout import leaves
 
 _START_TIMEOUT_S = 120.0  # the plant is compiled first, on a busy host
 _NAME = "emulation"  # of the process: not that of the devices of a single run
@@ -95,24 +93,18 @@ def emulated_rig(
     """Run the emulated devices of a task while the context is open; runs are in ``folder``.
 
     Raises WiringError if the wires must not be powered, IoProcessError with the reason if the
-    devices do not start, ValueError if the log lacks the field of ``motion``.
+    devices do not start. The log must have the field of ``motion``.
     """
     tasks: Tasks = kind.room("tasks")
-    (emulator,) = (
-        each
-        for each in tasks.wired_mode(short.checked, emulated=True).io_processes
-        if each.starts_first
-    )
-    with running_devices(emulator, folder) as control:
-        rig = EmulatedRig(tasks, short, long or short, control, folder, motion)
-        fields = [leaf.name for leaf in leaves(rig.task.kind.row_type)]
-        if motion is not None and motion.field not in fields:
-            similar = difflib.get_close_matches(motion.field, fields, 5, 0.3) or fields[:5]
-            raise ValueError(
-                f"motion.field: the log has no {motion.field}; allowed its fields, for example "
-                f"{', '.join(similar)}"
-            )
-        yield rig
+    with running_devices(emulator_process(tasks, short), folder) as control:
+        yield EmulatedRig(tasks, short, long or short, control, folder, motion)
+
+
+def emulator_process(tasks: Tasks, task: CheckedTask) -> IoProcess:
+    """Return the process of a task's emulated devices; WiringError as of `emulated_rig`."""
+    processes = tasks.wired_mode(task.checked, emulated=True).io_processes
+    (emulator,) = (each for each in processes if each.starts_first)
+    return emulator
 
 
 @contextmanager

@@ -93,15 +93,6 @@ def available_faults(rig: EmulatedRig) -> dict[str, tuple[str, ...]]:
     return devices | process_faults.faults_by_process(rig.io_processes)
 
 
-def fault_limits(rig: EmulatedRig) -> dict[str, dict[str, tuple[float, ...]]]:
-    """Return the lowest and the highest value of each fault by device; OSError if lost."""
-    by_device = rig.control.request("faults")["faults"]
-    return {
-        device: {fault: tuple(each["limits"]) for fault, each in faults.items()}
-        for device, faults in by_device.items()
-    }
-
-
 def measure_fault(rig: EmulatedRig, row: FaultRow, tries: int = 3) -> Finding:
     """Inject the fault of a row in a run, and return the reaction of the rig.
 

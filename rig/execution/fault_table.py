@@ -1,6 +1,6 @@
 """Tables of faults: the faults of a rig's emulated devices, and the required reaction to each."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -131,6 +131,8 @@ class FaultTable(NamedTuple):
     long_task: Path  # the task itself without a longer one
     motion: Motion | None
     rows: tuple[FaultRow, ...]
+    locate: SourceMap
+    problems: tuple[Problem, ...] = ()  # of its reactions
 
     @property
     def name(self) -> str:
@@ -155,8 +157,17 @@ class FaultTable(NamedTuple):
 def load_table(path: Path, rig: Path | None = None) -> FaultTable:
     """Return a table of faults; ``rig`` replaces the rig that its task names.
 
-    Raises `ConfigError` with every problem of the table, or of the files that it needs.
+    Raises `ConfigError` with every problem of the table, or of the files that it needs. Devices,
+    faults and their values are unchecked (`rig.execution.fault_check`).
     """
+    table = read_table(path, rig)
+    if table.problems:
+        raise ConfigError(table.problems)
+    return table
+
+
+def read_table(path: Path, rig: Path | None = None) -> FaultTable:
+    """Return a table of faults as `load_table` does; its field has the problems of reactions."""
     file, locate = load(path, FaultTableFile)
     task = locate.existing_path(("task",), file.task)
     long_task = task
@@ -164,11 +175,9 @@ def load_table(path: Path, rig: Path | None = None) -> FaultTable:
         long_task = locate.existing_path(("long_task",), file.long_task)
     kind = kind_of_task(task, rig)
     reasons: ReasonTable = kind.room("tick").find_kind("").reason_table
-    problems = list(_reason_problems(file, locate, reasons))
-    if problems:
-        raise ConfigError(problems)
+    problems = tuple(_reason_problems(file, locate, reasons))
     rows = [_row(device, entry) for device, entries in file.faults.items() for entry in entries]
-    return FaultTable(path, kind, task, long_task, file.motion, tuple(rows))
+    return FaultTable(path, kind, task, long_task, file.motion, tuple(rows), locate, problems)
 
 
 def _row(device: str, entry: FaultEntry) -> FaultRow:
@@ -207,25 +216,3 @@ def missing_rows(table: Iterable[FaultRow], available: Mapping[str, Iterable[str
         for fault in sorted(faults)
         if (device, fault) not in listed
     ]
-
-
-def refused_values(
-    table: Iterable[FaultRow], limits: Mapping[str, Mapping[str, Sequence[float]]]
-) -> list[str]:
-    """Return the rows whose value is outside its fault's limits, with these.
-
-    ``limits``: lowest and highest value of each fault by device; empty for faults without a value.
-    """
-    refused = []
-    for row in table:
-        allowed = limits.get(row.device, {}).get(row.fault, ())
-        if row.value is None or (allowed and allowed[0] <= row.value <= allowed[1]):
-            continue
-        known = f"allowed {allowed[0]:g} .. {allowed[1]:g}" if allowed else "it has no value"
-        refused.append(f"{row.name}: {row.value:g} is refused; {known}")
-    return refused
-
-
-def unknown_rows(table: Iterable[FaultRow], available: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return the rows whose device has no such fault."""
-    return [row.name for row in table if row.fault not in available.get(row.device, ())]

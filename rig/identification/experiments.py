@@ -69,6 +69,7 @@ class Experiment(NamedTuple):
     rotates: bool = False  # N m for N and rad for m
     rounding: Floats | None = None
     """Standard deviation of the mean velocity by the encoder, m/s, by line; None: unknown."""
+    sprung: bool = True  # the drivetrain has a spring, whose rate is known
 
     @property
     def frequency(self) -> Floats:
@@ -227,6 +228,7 @@ def _cut_experiment(
         {name: channel.label for name, channel in forces.items()},
         rotates,
         rounding * omega * scale,
+        bool(declared.spring),
     )
 
 

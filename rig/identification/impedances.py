@@ -45,6 +45,7 @@ class Model(NamedTuple):
     effective_lines: float = np.nan
     """Lines that carry the energy of the reference: its square over the sum of the lines' squares.
     """
+    sprung: bool = True  # the drivetrain has a spring, whose rate is known
 
     @property
     def units(self) -> AxisUnits:
@@ -53,8 +54,19 @@ class Model(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Axis, spring rate and amplitude, as a key."""
-        return f"{self.axis} {self.spring_rate:g} {self.units.stiffness} {self.peak_a:.3g} A"
+        """Axis, spring rate of a drivetrain with a spring, and amplitude, as a key."""
+        spring = f" {self.spring_rate:g} {self.units.stiffness}" if self.sprung else ""
+        return f"{self.axis}{spring} {self.peak_a:.3g} A"
+
+    @property
+    def has_drivetrain(self) -> bool:
+        """Return whether Z_d is known and differs from 0 by more than its band, median of lines."""
+        response = self.responses.get("Z_d")
+        if response is None:
+            return False
+        known = np.isfinite(response.band)
+        ratio_to_band = np.abs(response.value[known]) / response.band[known]
+        return not known.any() or bool(np.median(ratio_to_band) > 1.0)
 
     @property
     def omega(self) -> Floats:
@@ -181,6 +193,7 @@ def _build_model(group: list[Experiment]) -> Model:
         first.labels,
         first.rotates,
         _effective_lines(first.reference[excited]),
+        first.sprung,
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 
 from rig.emulation.bem_impedance import BemImpedance
 from rig.identification import bem as bem_file
@@ -26,7 +26,9 @@ from rig.spectra.periods import Complexes, Floats
 
 COLOURS = ("#00798c", "#d1495b", "#4f772d", "#22303c", "#9a5b13", "#6a4c93", "#8d99ae", "#c77dff")
 FITTED = "#ffb703"  # colour of fitted models, drawn over the measured curves
-_BAND_OPACITY = 0.18  # opacity of a band
+_FIT_STYLES = {"Z_i": (FITTED, "-"), "Z_id": ("#9a5b13", "--")}  # the second over the first
+_BAND_OPACITY = 0.3  # opacity of a band
+_LEGEND_COLUMNS = {0: 4, 1: 2, 2: 3}  # by columns of a journal page; 0: screen
 _SERIES_STYLES = (
     (COLOURS[1], "-"), (COLOURS[0], "--"), (COLOURS[2], ":"), (COLOURS[4], "-."), (COLOURS[5], ":"),
 )  # fmt: skip
@@ -44,7 +46,11 @@ class Curve(NamedTuple):
 
 
 def four_panels(body: SubFigure, curves: list[Curve], symbol: str, unit: str) -> None:
-    """Draw real part, magnitude, imaginary part and phase of responses, with their bands."""
+    """Draw real part, magnitude, imaginary part and phase of responses, with their bands.
+
+    The legend is below the panels; it has the median width of the bands, which may be narrower
+    than the curves.
+    """
     scale = 1e3 if " per k" in unit else 1.0  # an admittance, `AxisUnits.per_kilo`
     panels: Any = body.subplots(2, 2, sharex=True)
     parts = (
@@ -76,15 +82,29 @@ def four_panels(body: SubFigure, curves: list[Curve], symbol: str, unit: str) ->
         picture.style_axes(axes)
     for axes in panels[1]:
         axes.set_xlabel("frequency, Hz", fontsize=8, color=picture.DARK)
-    panels[1, 1].legend(fontsize=6.5, frameon=False)
+    handles: list[Any] = panels[0, 0].get_legend_handles_labels()[0]
+    if (width := _median_band(curves)) is not None:
+        label = f"bands: 95 %, median ±{100.0 * width:.2g} %"
+        handles.append(Patch(color=picture.MUTED, alpha=_BAND_OPACITY, lw=0, label=label))
+    columns = _LEGEND_COLUMNS[picture.paper_columns()]
+    body.legend(
+        handles=handles, loc="outside lower center", ncols=columns, fontsize=7, frameon=False
+    )
+
+
+def _median_band(curves: Iterable[Curve]) -> float | None:
+    """Return the median of all bands relative to their curves; None without a known band."""
+    shares = [each.band / np.abs(each.value) for each in curves if each.band is not None]
+    known = np.concatenate([share[np.isfinite(share)] for share in shares] or [np.zeros(0)])
+    return float(np.median(known)) if known.size else None
 
 
 def admittances(
     model: Model, fits: Mapping[str, Any], bem: BemImpedance | None = None
 ) -> list[Curve]:
-    """Return the curves of Fig. 4-5: command, current, sensors of drive and body; fits dotted.
+    """Return the curves of Fig. 4-5: command, current, sensors of drive and body; fits.
 
-    ``bem`` is drawn dashed.
+    The fit to the series of drivetrain and body, and ``bem``, are drawn dashed.
     """
     labels = {f"Y_id_{name}": label for name, label in model.labels.items()}
     curves = []
@@ -101,9 +121,7 @@ def admittances(
         fine_frequency = np.linspace(model.frequency[0], model.frequency[-1], 201)
         admittance = 1.0 / impedance(highest_order, fine_frequency)
         label = f"fit to {name.replace('Z', 'Y')}, order {highest_order.order}"
-        curves.append(
-            Curve(label, fine_frequency, admittance, None, FITTED, ":" if name == "Z_i" else "-.")
-        )
+        curves.append(Curve(label, fine_frequency, admittance, None, *_FIT_STYLES[name]))
     if bem is not None:
         fine_frequency = np.linspace(model.frequency[0], model.frequency[-1], 201)
         label = f"{bem.name}: 1/Z, {bem.mode}"
@@ -153,18 +171,22 @@ def write_pictures(identification: Identification, folder: Path) -> list[Path]:
         largest_models = largest(models)
         first = largest_models[0]
         fits = identification.fits[identification.models.index(first)]
-        title = f"Admittance of {axis} at {first.spring_rate:g} {stiffness}, {first.peak_a:.3g} A"
+        spring = f"{first.spring_rate:g} {stiffness}, " if first.sprung else ""
+        title = f"Admittance of {axis} at {spring}{first.peak_a:.3g} A"
         bem = identification.bem_impedances.get(axis)
         draw(f"admittance_{axis}", title, admittances(first, fits, bem), "Y")
-        if "Z_d" not in first.responses:
+        if not first.has_drivetrain:
             continue
         for key, name in (("Z_i", "intrinsic"), ("Z_d", "drivetrain")):
-            curves = by_colour(largest_models, key, f"{{0.spring_rate:g}} {stiffness}")
-            title = f"{name.capitalize()} admittance at the largest amplitude, by spring rate"
+            label = f"{{0.spring_rate:g}} {stiffness}" if first.sprung else "{0.peak_a:.3g} A"
+            curves = by_colour(largest_models, key, label)
+            title = f"{name.capitalize()} admittance at the largest amplitude"
+            title += ", by spring rate" if first.sprung else ""
             draw(name, title, curves, key.replace("Z", "Y"))
         family = [model for model in models if model.spring_rate == first.spring_rate]
         if len(family) > 1:
-            title = f"Drivetrain admittance by amplitude, {first.spring_rate:g} {stiffness}"
+            title = "Drivetrain admittance by amplitude"
+            title += f", {first.spring_rate:g} {stiffness}" if first.sprung else ""
             draw("amplitudes", title, by_colour(family, "Z_d", "{0.peak_a:.3g} A"), "Y_d")
     for i, excitation in enumerate(identification.excitations):
         title = f"Wave excitation; experiments: {excitation.experiments}, seas: {excitation.seas}"
@@ -239,10 +261,10 @@ def write_page(identification: Identification, folder: Path) -> list[Path]:
     """Write ``identification.pdf`` and the same page as ``identification.png``."""
     figure = Figure(figsize=picture.A4, layout="constrained")
     _header(figure, identification)
-    cells, units = report.model_cells(identification), identification.models[0].units
-    y = _table(figure, "Models of the impedance", report.model_heads(units), cells, 0.9)
-    cells = report.family_cells(identification.family)
-    y = _table(figure, "With amplitude", report.family_heads(units), cells, y - 0.01)
+    heads, *cells = report.model_table(identification)
+    y = _table(figure, "Models of the impedance", heads, cells, 0.9)
+    heads, *cells = report.family_table(identification)
+    y = _table(figure, "With amplitude", heads, cells, y - 0.01)
     bottom = _notes(figure, identification)
     _pictures(figure, identification, bottom, y - 0.01)
     out = [folder / "identification.pdf", folder / "identification.png"]
@@ -321,7 +343,7 @@ def _pictures(figure: Figure, identification: Identification, bottom: float, top
     if identification.excitations:
         curves = excitation_curves(identification.excitations[0], identification.bem)
         figures.append(("Wave excitation", curves, "f_exc", "N/m"))
-    elif "Z_d" in largest_model.responses:
+    elif largest_model.has_drivetrain:
         family = [
             model
             for model in identification.models

@@ -225,9 +225,7 @@ def write(identification: Identification, folder: Path) -> list[Path]:
 
 def as_text(identification: Identification) -> str:
     """Return a text report: models, dependence on amplitude, excitation, notes."""
-    units = identification.models[0].units
-    models = [model_heads(units), *model_cells(identification)]
-    family = [family_heads(units), *family_cells(identification.family)]
+    models, family = model_table(identification), family_table(identification)
     lines = ["Models of the impedance", *aligned(models), *textwrap.wrap(NOT_CONSTANTS, 98)]
     lines += bem_lines(identification)
     lines += ["", "With amplitude", *aligned(family)]
@@ -237,8 +235,29 @@ def as_text(identification: Identification) -> str:
     return "\n".join(lines)
 
 
-def model_heads(units: AxisUnits) -> tuple[str, ...]:
-    """Return the heads of the table of models."""
+def model_table(identification: Identification) -> list[tuple[str, ...]]:
+    """Return heads and rows of the models, with rates of springs where drivetrains have them."""
+    rows = [_model_heads(identification.models[0].units), *_model_cells(identification)]
+    return rows if _any_spring(identification) else _without(rows, {1})
+
+
+def family_table(identification: Identification) -> list[tuple[str, ...]]:
+    """Return heads and rows by amplitude; columns of a drivetrain only where there is one."""
+    rows = [_family_heads(identification.models[0].units), *_family_cells(identification.family)]
+    left_out = set() if _any_spring(identification) else {1}
+    left_out |= set() if any(model.has_drivetrain for model in identification.models) else {3, 4}
+    return _without(rows, left_out)
+
+
+def _any_spring(identification: Identification) -> bool:
+    return any(model.sprung for model in identification.models)
+
+
+def _without(rows: list[tuple[str, ...]], columns: set[int]) -> list[tuple[str, ...]]:
+    return [tuple(cell for i, cell in enumerate(row) if i not in columns) for row in rows]
+
+
+def _model_heads(units: AxisUnits) -> tuple[str, ...]:
     return (
         "axis", f"spring {units.stiffness}", "peak A", "", "order", f"M {units.mass}",
         f"B {units.damping}", f"K {units.stiffness}", "f0 Hz", "fit %", "band %",
@@ -275,7 +294,7 @@ def with_interval(value: float, half_width: float) -> str:
     return f"{shown(value)}±{shown(float(f'{half_width:.2g}')) if known else '?'}"
 
 
-def model_cells(identification: Identification) -> list[tuple[str, ...]]:
+def _model_cells(identification: Identification) -> list[tuple[str, ...]]:
     """Return a row of the table of models for each fit."""
     rows: list[tuple[str, ...]] = []
     for model, fits in zip(identification.models, identification.fits, strict=True):
@@ -293,15 +312,14 @@ def model_cells(identification: Identification) -> list[tuple[str, ...]]:
     return rows
 
 
-def family_heads(units: AxisUnits) -> tuple[str, ...]:
-    """Return the heads of the table of amplitudes."""
+def _family_heads(units: AxisUnits) -> tuple[str, ...]:
     return (
         "axis", f"spring {units.stiffness}", "peak A", f"Re Z_d {units.damping}",
         f"K_d {units.stiffness}", "noise %", "distortion %", "even lines %", "odd lines %",
     )  # fmt: skip
 
 
-def family_cells(members: tuple[Member, ...]) -> list[tuple[str, ...]]:
+def _family_cells(members: tuple[Member, ...]) -> list[tuple[str, ...]]:
     """Return a row of the table of amplitudes for each member; unknown values are a dash."""
 
     def known(value: float, form: str) -> str:

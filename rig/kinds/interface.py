@@ -6,6 +6,7 @@ uses. `rig.kinds.registry.ROOMS` lists the rooms that every kind has. Optional a
 swept (`rig.sweeps.simulator`).
 """
 
+import asyncio
 from collections.abc import Callable, Sequence
 from datetime import date
 from pathlib import Path
@@ -27,6 +28,7 @@ from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunInfo
 
 if TYPE_CHECKING:  # xarray and drivers of wires, which a check does not need
+    from rig.emulation.devices import EmulatedDevices
     from rig.interop.tables import KindFormat
     from rig.wires.job import WiredJob
 
@@ -182,6 +184,11 @@ class Emulation(Protocol):
 
     def emulate_task(self, path: Path, rig: Path) -> tuple[BaseRigFile, IoProcess, str]:
         """Return the rig of a campaign or session run on a rig file, its devices, their setting."""
+
+    def build_devices(
+        self, rig: Any, config: dict[str, Any], loop: asyncio.AbstractEventLoop
+    ) -> "EmulatedDevices":
+        """Return the devices of the process with this configuration; none has started yet."""
 
 
 class Display(Protocol):

@@ -87,8 +87,9 @@ def framed_figure(
 ) -> tuple[Figure, SubFigure]:
     """Return a figure with title, run and mode stamp, and the subfigure for the picture's body.
 
-    ``width`` and ``height`` (in) are those of the body. ``note`` stands after the run. ``subtitle``
-    stands below the title, or on its own line if it does not fit next to the run; a long title gets
+    ``width`` and ``height`` (in) are those of the body. ``note`` stands after the run, or below it
+    if the line would be too long. ``subtitle`` stands below the title, or on its own line if it
+    does not fit next to the run; a long title gets
     a smaller font. ``warning`` is shown in a coloured box below them. For papers there is only the
     body, scaled to the width of one column or two.
     """
@@ -98,14 +99,20 @@ def framed_figure(
     read_by = f"calibration {attributes['read_by']}" if attributes.get("read_by") else ""
     subtitle = "; ".join(filter(None, (read_by, subtitle)))
     run_text = "; ".join(filter(None, (f"run {attributes.get('run', '')}", note)))
-    separate_line = _inches(subtitle, 8.5) + _inches(run_text, 8.0) + _GAP > 0.96 * width
+    run_lines = [run_text]
+    if _inches(run_text, 8.0) > 0.96 * width:
+        run_name, note_text = run_text.split("; ", 1)
+        run_lines = [run_name, *textwrap.wrap(note_text, round(width * _SUBTITLE_LETTERS))]
+    run_width = max(_inches(line, 8.0) for line in run_lines)
+    separate_line = _inches(subtitle, 8.5) + run_width + _GAP > 0.96 * width
     warning_lines = textwrap.wrap(warning, round(width * _WARNING_LETTERS))
     subtitle_lines = (
         textwrap.wrap(subtitle, round(width * _SUBTITLE_LETTERS)) if separate_line else [subtitle]
     )
+    more_lines = len(run_lines) - 1 + separate_line * len(subtitle_lines)
     head_height = (
         _HEADING_HEIGHT
-        + 0.2 * separate_line * len(subtitle_lines)
+        + 0.2 * more_lines
         + (0.12 + 0.2 * len(warning_lines) if warning_lines else 0.0)
     )
     figure = Figure(figsize=(width, height + head_height), layout="constrained")
@@ -119,11 +126,12 @@ def framed_figure(
     write_text(0.02, 0.21, title, fontsize=size, fontweight="bold", color=DARK)
     for i, line in enumerate(subtitle_lines):
         write_text(
-            0.02, (0.66 if separate_line else 0.46) + 0.2 * i, line, fontsize=8.5, color=MUTED
+            0.02, 0.46 + 0.2 * (separate_line * len(run_lines) + i), line, fontsize=8.5, color=MUTED
         )
     stamp = phrases.mode_stamp(str(attributes.get("mode", "")))
     write_text(0.98, 0.19, stamp, fontsize=9, fontweight="bold", color=ACCENT, ha="right")
-    write_text(0.98, 0.46, run_text, fontsize=8, color=DARK, ha="right")
+    for i, line in enumerate(run_lines):
+        write_text(0.98, 0.46 + 0.2 * i, line, fontsize=8, color=DARK, ha="right")
     if warning_lines:
         box_height = 0.06 + 0.2 * len(warning_lines)
         box = Rectangle(

@@ -108,7 +108,11 @@ class SerialLine:
         return self._fds is not None
 
     async def start(self) -> None:
-        """Open the line. Raises FileExistsError if the path is a file of another kind."""
+        """Open the line, in a new folder if there is none.
+
+        Raises FileExistsError if the path is a file of another kind.
+        """
+        self.settings.path.parent.mkdir(parents=True, exist_ok=True)
         self.plug_in()
         self._poll_task.start(self._poll_loop())
 

@@ -1,5 +1,6 @@
 """Surfaces pass through their points, end at the convex hull, and carry remarks."""
 
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from synthetic_runs import POWERS, STATIONS_ATTRIBUTES
 from rig.analysis.points import Point
 from rig.analysis.slices import spans_surface, triangulate
 from rig.analysis.surfaces import draw_surfaces, write_surfaces
-from rig.presentation.picture import framed_figure
+from rig.presentation.picture import framed_figure, sign_note
 
 
 def bowl(kp: float, ki: float) -> float:
@@ -212,3 +213,19 @@ def test_the_subtitle_does_not_overlap_the_run(letters: int, width: float) -> No
     texts = {text.get_text(): text.get_window_extent() for text in figure.subfigs[0].texts}
     run = next(box for text, box in texts.items() if text.startswith("run "))
     assert not texts[subtitle].overlaps(run)
+
+
+@pytest.mark.parametrize("subtitle", ["", "other columns at the optimum of each panel"])
+def test_a_long_note_stays_within_the_picture(subtitle: str) -> None:
+    """The note on errors by a reference row was cut at the left."""
+    attributes = {"run": "20261127T150457Z_basin", "mode": "rehearsal"}
+    note = sign_note("± standard error by scatter of differences from a reference row")
+    figure, _ = framed_figure(6.6, 3.0, "Power surfaces", attributes, note, subtitle)
+    figure.draw_without_rendering()
+    boxes = {text.get_text(): text.get_window_extent() for text in figure.subfigs[0].texts}
+    assert {"run 20261127T150457Z_basin", note, *filter(None, [subtitle])} <= boxes.keys()
+    head = figure.subfigs[0].bbox
+    shown = [box for text, box in boxes.items() if text]
+    assert all(box.x0 >= head.x0 and box.x1 <= head.x1 for box in shown)
+    assert all(box.y0 >= head.y0 and box.y1 <= head.y1 for box in shown)
+    assert not any(a.overlaps(b) for a, b in combinations(shown, 2))

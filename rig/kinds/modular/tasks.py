@@ -17,6 +17,7 @@ from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.equilibrium import equilibrium_check
+from rig.kinds.modular.free_motion import free_motion_warnings
 from rig.kinds.modular.match import impedance_match
 from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding, still_axes
 from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
@@ -48,7 +49,11 @@ def examine(
         return CheckReport(path, refused, None, None)
     law_texts = (*rule_warnings(campaign), *report.law_warnings)
     not_compiled = tuple(compilation_problems(campaign, report.plan.dt))
-    plant_warnings = (*_plant_warnings(campaign), *(problem for problem, _ in unstable))
+    plant_warnings = (
+        *_plant_warnings(campaign),
+        *free_motion_warnings(campaign),
+        *(problem for problem, _ in unstable),
+    )
     return report._replace(
         law_warnings=law_texts, not_compiled=not_compiled, plant_warnings=plant_warnings
     )

@@ -87,9 +87,10 @@ def _emulated_rig(rig: RigFile, plant: ConfigSource, sea: dict[str, Any], seed: 
     return emulation_process("rig.kinds.modular.rehearsal.emulation", rig, plant=world)
 
 
-def _build_devices(
+def build_devices(
     rig: RigFile, config: dict[str, Any], loop: asyncio.AbstractEventLoop
 ) -> EmulatedDevices:
+    """Return the devices of the process with this configuration; none has started yet."""
     wiring, dt = wiring_of(rig), 1.0 / rig.rate_hz
 
     def create_world() -> World:
@@ -212,4 +213,4 @@ def _register_map(blocks: Blocks, world: SharedModes, reads: Mapping[str, Read])
 
 
 if __name__ == "__main__":
-    run_devices(RigFile, _build_devices)
+    run_devices(RigFile, build_devices)

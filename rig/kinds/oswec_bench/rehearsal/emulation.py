@@ -101,9 +101,10 @@ class _DrivelineFaults:
         self._slipped = slips
 
 
-def _build_devices(
+def build_devices(
     rig: BenchRigFile, config: dict[str, Any], loop: asyncio.AbstractEventLoop
 ) -> EmulatedDevices:
+    """Return the devices of the process with this configuration; none has started yet."""
     wiring, dt, plant = wiring_of(rig), 1.0 / rig.rate_hz, without_delay(config["plant"])
     mode = TORQUE if config["loop"] == "torque" else VELOCITY
 
@@ -258,4 +259,4 @@ def _create_couplers(
 
 
 if __name__ == "__main__":
-    run_devices(BenchRigFile, _build_devices)
+    run_devices(BenchRigFile, build_devices)

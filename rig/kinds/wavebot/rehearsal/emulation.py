@@ -93,9 +93,10 @@ def _emulated_rig(rig: RigFile, plant: dict[str, Any]) -> IoProcess:
     return emulation_process("rig.kinds.wavebot.rehearsal.emulation", rig, plant=plant)
 
 
-def _build_devices(
+def build_devices(
     rig: RigFile, config: dict[str, Any], loop: asyncio.AbstractEventLoop
 ) -> EmulatedDevices:
+    """Return the devices of the process with this configuration; none has started yet."""
     wiring, dt, plant = wiring_of(rig), 1.0 / rig.rate_hz, without_delay(config["plant"])
 
     def create_world() -> World:
@@ -196,4 +197,4 @@ def _coupler(world: SharedWorld, block: AnyBlock) -> IoCoupler:
 
 
 if __name__ == "__main__":
-    run_devices(RigFile, _build_devices)
+    run_devices(RigFile, build_devices)

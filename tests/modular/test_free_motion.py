@@ -1,0 +1,78 @@
+"""Remainder of the free motion at the measured window of an identification: `rig check`."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_here import rig as rig_here
+from test_modular_identification import change, write_rig
+
+from rig.kinds.modular.checks import check
+from rig.kinds.modular.free_motion import decay_time, free_motion_warnings, poles
+from rig.kinds.modular.match import axis_impedance
+from rig.kinds.modular.rehearsal.job import load_model
+from rig.planning.input_files import ConfigSource
+
+
+def load_campaign(folder: Path) -> Any:
+    campaign = check(folder / "cylinder" / "campaign.yaml").campaign
+    assert campaign is not None
+    return campaign
+
+
+@pytest.fixture(scope="module")
+def heave(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("heave")
+    write_rig(folder)
+    return folder
+
+
+def settle(folder: Path, seconds: float, kp: float = 0.0) -> Any:
+    def edit(campaign: dict[str, Any]) -> None:
+        campaign["timing"]["settle_s"] = seconds
+        (row,) = campaign["matrix"]["list"]
+        (name,) = (key for key in row if key.startswith("kp"))
+        row[name] = kp
+
+    change(folder / "cylinder" / "campaign.yaml", edit)
+    return load_campaign(folder)
+
+
+def test_poles_are_the_zeros_of_the_impedance(heave: Path) -> None:
+    """At e^(s t) of a free motion no force acts; its impedance is far below that near it."""
+    campaign = load_campaign(heave)
+    model, _ = load_model(ConfigSource(campaign.plant, campaign.plant_locate))
+    assert model is not None
+    free = poles(model)
+    assert free.size == 2 + len(model.radiation.source)
+    for pole in free[np.abs(free) > 1e-6]:
+        nearby = abs(axis_impedance(model, -1j * (pole * 1.01)))
+        assert abs(axis_impedance(model, -1j * pole)) < 1e-6 * nearby
+    assert decay_time(model) == pytest.approx(1.0 / np.abs(free.real).min())
+
+
+def test_a_remainder_above_a_thousandth_is_a_warning(heave: Path) -> None:
+    (warning,) = free_motion_warnings(settle(heave, 20))
+    assert warning.key == "timing.settle_s"
+    decay, percent, needed = map(
+        float, re.findall(r"in ([\d.]+) s, .* s ([\d.]+) % .* % after (\d+) s", warning.message)[0]
+    )
+    assert percent == pytest.approx(100.0 * math.exp(-20.0 / decay), rel=0.05)
+    assert math.exp(-needed / decay) == pytest.approx(0.001, rel=0.1)
+    assert free_motion_warnings(settle(heave, needed + 1)) == ()
+    code, output, _ = rig_here("check", heave / "cylinder" / "campaign.yaml")
+    assert code == 0
+    assert "of the free motion remains" not in output
+    settle(heave, 20)
+    code, output, _ = rig_here("check", heave / "cylinder" / "campaign.yaml")
+    assert "of the free motion remains" in " ".join(output.split())
+
+
+def test_a_law_that_acts_on_the_motion_is_not_judged(heave: Path) -> None:
+    """Its loop has other modes than the plant."""
+    assert free_motion_warnings(settle(heave, 20, kp=-500.0)) == ()

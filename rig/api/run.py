@@ -188,17 +188,13 @@ class Run:
         import pandas
 
         from rig.analysis.points import gain_matrix, varied_columns
-        from rig.analysis.slices import Optimum, find_optima
+        from rig.analysis.slices import best_optima
 
         if not self._has_matrix or has_excitation(self.info):
             return pandas.DataFrame()
         with public_errors():
             varied = varied_columns(gain_matrix(self.table))
-            best: dict[str, Optimum] = {}
-            for each in find_optima(self.table):
-                known = best.get(each.station.name)
-                if known is None or each.power < known.power:
-                    best[each.station.name] = each
+            best = best_optima(self.table)
         lines = [
             {
                 "station": name,

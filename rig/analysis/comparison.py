@@ -107,7 +107,7 @@ class MatchedPoints(NamedTuple):
 
     @property
     def axes_differ(self) -> bool:
-        """Whether no points are paired: no law is common, or each run varies a column of its own."""
+        """Whether no points are paired: no law is common, or each run varies a column alone."""
         return self.laws_differ or bool(self.alone_a and self.alone_b)
 
 

@@ -444,7 +444,7 @@ def test_runs_with_different_axes_are_compared_by_their_best_points(
 
 
 def of_laws(settings: list[dict[str, float]], names: tuple[str, ...]) -> xarray.Dataset:
-    """Return a row table of rows of several laws: power is that of `kp`, and 5 W less if latched."""
+    """Return a row table of rows of several laws: power by `kp`, and 5 W less if latched."""
     law = laws.choice([laws.own(name) for name in names])
     latched = names.index("latching")
     spring = {"spring_rate": 490.9, "ki": 0.0, "km": 0.0}

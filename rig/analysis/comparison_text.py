@@ -109,7 +109,7 @@ def _best_lines(comparison: Comparison) -> list[str]:
                 lines.append(f"  {label:<34}{side}{'-':>17}")
             else:
                 shown = (c for c in columns if c.name in point.setting)
-                setting = ", ".join(labels.format_setting(c, point.setting[c.name]) for c in shown)
+                setting = ", ".join(labels.point_setting(c, point) for c in shown)
                 power = _format_point_power(point, station.name)
                 row = ", ".join(map(str, point.rows))
                 text = f"  {label:<34}{side}{power:>17}   row {row}: {setting}"

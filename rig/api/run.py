@@ -187,6 +187,7 @@ class Run:
         """
         import pandas
 
+        from rig.analysis.labels import best_values
         from rig.analysis.points import gain_matrix, varied_columns
         from rig.analysis.slices import best_optima
 
@@ -202,7 +203,7 @@ class Run:
                 "power": each.power,
                 "standard_error": each.error,
                 "rows": list(each.point.rows),
-                **{c.name: each.point.setting.get(c.name) for c in varied},
+                **{c.name: value for c, value in best_values(varied, each.point) if c in varied},
                 "text": each.caption,
                 "caveat": each.caveat,
             }

@@ -36,7 +36,10 @@ def test_a_check_without_ends_names_no_station(tmp_path: Path) -> None:
     assert "rows end by" not in checked(tmp_path, "")
 
 
-GAINS = "matrix:\n  list: null\n  grid:\n    - {spring_n_per_m: 490.9, kp_n_s_per_m: KP, ki_n_per_m: 0}\n"
+GAINS = (
+    "matrix:\n  list: null\n  grid:\n"
+    "    - {spring_n_per_m: 490.9, kp_n_s_per_m: KP, ki_n_per_m: 0}\n"
+)
 
 
 @pytest.mark.parametrize(

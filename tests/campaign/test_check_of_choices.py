@@ -1,4 +1,4 @@
-"""What `rig check` says of stations that end and choose rows, and of rows that look the same."""
+"""Output of `rig check` on stations that end and choose rows, and on rows that look the same."""
 
 from __future__ import annotations
 

@@ -46,6 +46,7 @@ class Column(NamedTuple):
     reason: str = ""  # of the range, for messages about values out of it
     default: float | None = None  # where a matrix lacks the column; None: every matrix has it
     choices: tuple[str, ...] = ()  # names that stand for the values 0, 1, ...; files may use them
+    laws: tuple[str, ...] = ()  # of a choice, those with the column, if not all; not given by laws
 
 
 class Parameter(NamedTuple):

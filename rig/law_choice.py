@@ -26,6 +26,7 @@ def choice_module(modules: Mapping[str, Any]) -> Any:
     columns = _union([module.COLUMNS for module in laws], "column")
     first = {column.key for column in laws[0].COLUMNS}
     columns = [each if each.key in first else _with_default(each) for each in columns]
+    columns = [each._replace(laws=_laws_with(modules, each.key)) for each in columns]
     columns.append(_choice_column(tuple(modules)))
     parameters = _union([module.PARAMETERS for module in laws], "parameter")
     source = _source(laws, [column.name for column in columns])
@@ -40,6 +41,12 @@ def _choice_column(names: tuple[str, ...]) -> Column:
         CHOICE, CHOICE, "1", CHOICE, 0.0, len(names) - 1.0,
         "Law that acts, by its name or its place in the list.", default=0.0, choices=names,
     )  # fmt: skip
+
+
+def _laws_with(modules: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return the names of the laws that have a column; empty if all have it."""
+    found = [name for name, m in modules.items() if key in {each.key for each in m.COLUMNS}]
+    return () if len(found) == len(modules) else tuple(found)
 
 
 def _with_default(column: Column) -> Column:

@@ -34,6 +34,7 @@ class Column(NamedTuple):
     shown_unit: str = ""  # in pictures and texts; empty: the unit
     actuator: "Column | None" = None  # position of the device that realises a set point
     choices: tuple[str, ...] = ()  # names that stand for the values 0, 1, ...
+    laws: tuple[str, ...] = ()  # of a choice, those with the column; empty: all
 
 
 class Check(NamedTuple):
@@ -78,10 +79,30 @@ class RowContents(NamedTuple):
 
 def column_records(columns: Iterable[Column]) -> list[dict[str, Any]]:
     """Return columns as JSON values."""
+
+    def record(column: Column) -> dict[str, Any]:
+        values = column._asdict()
+        return values if column.laws else {k: v for k, v in values.items() if k != "laws"}
+
     return [
-        column._asdict() | {"actuator": column.actuator and column.actuator._asdict()}
+        record(column) | {"actuator": column.actuator and record(column.actuator)}
         for column in columns
     ]
+
+
+def is_lacking(column: Column, columns: Iterable[Column], setting: Mapping[str, float]) -> bool:
+    """Return whether the law of a set point has no such column; its value there means nothing.
+
+    ``columns`` contain those that choose the laws: `law`, or `AXIS_law` of several axes.
+    """
+    return bool(column.laws) and any(
+        each.choices
+        and each.name.endswith("law")
+        and column.name.startswith(each.name.removesuffix("law"))
+        and each.name in setting
+        and each.choices[int(setting[each.name])] not in column.laws
+        for each in columns
+    )
 
 
 def columns_from_records(
@@ -102,6 +123,7 @@ def columns_from_records(
         if given.get("actuator"):
             given["actuator"] = read(given["actuator"])
         given["choices"] = tuple(given.get("choices", ()))
+        given["laws"] = tuple(given.get("laws", ()))
         return Column(**given)
 
     return tuple(map(read, records))

@@ -8,9 +8,9 @@ least one run and exist in both. A column that varies in neither run is a settin
 a difference is reported, not matched. A drive without settings (a commercial one) has no drive
 columns: every set of drive parameters of one run is then compared with the same point of the other.
 
-Two runs that each vary a column which the other lacks, as under two laws, have different axes: no
-point of one belongs to a point of the other. The comparison is then that of their best points, also
-in each sea that both ran.
+Points of different laws are no pairs. Two runs without a common law, or that each vary a column
+which the other lacks, have different axes: no point of one belongs to a point of the other. The
+comparison is then that of their best points, also in each sea that both ran.
 """
 
 import math
@@ -30,6 +30,7 @@ from rig.analysis.differences import (
     sea_text,
     unlike_sea_texts,
 )
+from rig.analysis.law_differences import common_laws, of_laws, recorded_laws, with_joint_laws
 from rig.analysis.points import (
     Matrix,
     Point,
@@ -39,6 +40,7 @@ from rig.analysis.points import (
     varied_columns,
 )
 from rig.analysis.rows import INCOMPLETE, record_of, rig_time
+from rig.analysis.slices import Optimum, best_optima
 from rig.analysis.stored_rows import current_table
 from rig.config.problems import format_rows
 from rig.presentation import phrases
@@ -99,11 +101,14 @@ class MatchedPoints(NamedTuple):
     constant_differences: tuple[ConstantDifference, ...]
     alone_a: tuple[Column, ...] = ()  # of the one-sided columns those of A
     alone_b: tuple[Column, ...] = ()
+    laws_a: tuple[str, ...] = ()  # that B lacks
+    laws_b: tuple[str, ...] = ()
+    laws_differ: bool = False  # no law is common
 
     @property
     def axes_differ(self) -> bool:
-        """Whether each run varies a column that the other lacks: then no points are paired."""
-        return bool(self.alone_a and self.alone_b)
+        """Whether no points are paired: no law is common, or each run varies a column alone."""
+        return self.laws_differ or bool(self.alone_a and self.alone_b)
 
 
 class BestPoints(NamedTuple):
@@ -126,6 +131,7 @@ class Comparison(NamedTuple):
     stations: tuple[Station, ...]  # those of A that B has, too
     best: Mapping[str, BestPoints]  # by name of the station
     seas: Mapping[int, Mapping[str, BestPoints]] = {}  # by seed, if the axes differ
+    caveats: Mapping[str, tuple[str, str]] = {}  # of the best points, by name of the station
 
 
 def compare(
@@ -144,11 +150,15 @@ def compare(
     table_a, table_b = (
         current_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b)
     )
-    matrices = gain_matrix(table_a), gain_matrix(table_b)
+    matrices = with_joint_laws(
+        (gain_matrix(table_a), gain_matrix(table_b)),
+        (recorded_laws(facts_a.config), recorded_laws(facts_b.config)),
+    )
     matched = match(*matrices, tolerances)
     seas = normalised_sea(facts_a), normalised_sea(facts_b)
     settings = differences(facts_a, facts_b)
     same_sea = not any(each.group == "sea" for each in settings)
+    optima = best_optima(table_a), best_optima(table_b)
     b_stations = {station.name for station in matrices[1].stations}
     stations = tuple(each for each in matrices[0].stations if each.name in b_stations)
     tolerances_used = {c.name: (tolerances or {}).get(c.name, c.tolerance) for c in matched.columns}
@@ -170,7 +180,15 @@ def compare(
             for each in stations
         },
         _best_by_sea(*matrices, stations) if matched.axes_differ and same_sea else {},
+        {
+            each.name: (_caveat(optima[0], each.name), _caveat(optima[1], each.name))
+            for each in stations
+        },
     )
+
+
+def _caveat(optima: Mapping[str, Optimum], name: str) -> str:
+    return optima[name].caveat if name in optima else ""
 
 
 def _best_by_sea(
@@ -239,7 +257,12 @@ def _warnings(
     if facts_a.mode != facts_b.mode:
         modes = f"A {facts_a.mode or 'unknown'}, B {facts_b.mode or 'unknown'}"
         warnings.append(f"DIFFERENT EXECUTION MODES: {modes}")
-    if matched.axes_differ:
+    if matched.laws_differ:
+        laws = [", ".join(names) for names in (matched.laws_a, matched.laws_b)]
+        warnings.append(
+            f"DIFFERENT LAWS: A has {laws[0]}; B has {laws[1]}; the best points are compared"
+        )
+    elif matched.axes_differ:
         alone = (matched.alone_a, matched.alone_b)
         axes = [", ".join(column.label for column in columns) for columns in alone]
         warnings.append(
@@ -260,11 +283,30 @@ def has_column(matrix: Matrix, column: Column) -> bool:
 
 
 def match(a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None) -> MatchedPoints:
-    """Match the measured points of ``a`` and ``b``.
+    """Match the measured points of ``a`` and ``b`` that have a common law.
 
     ``tolerances`` (SI, by column name) override the columns' own. Each point is used
     once, nearest pairs first, unless a column varies in one run alone.
     """
+    both, only_a, only_b = common_laws(a, b)
+    if not (only_a or only_b):
+        return _match_points(a, b, tolerances)
+    found = _match_points(of_laws(a, both), of_laws(b, both), tolerances)
+    if not both:
+        found = found._replace(columns=(), one_sided=union(*map(varied_columns, (a, b))))
+    return found._replace(
+        only_a=(*found.only_a, *of_laws(a, only_a).points),
+        only_b=(*found.only_b, *of_laws(b, only_b).points),
+        laws_a=tuple(sorted(only_a)),
+        laws_b=tuple(sorted(only_b)),
+        laws_differ=bool(a.planned and b.planned) and not both,
+    )
+
+
+def _match_points(
+    a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None
+) -> MatchedPoints:
+    """Match the measured points of two matrices, whatever their laws."""
     varied_names = {c.name for c in varied_columns(a)} | {c.name for c in varied_columns(b)}
     all_columns = union(a.columns, b.columns)
     limits = {c.name: c.tolerance for c in all_columns} | dict(tolerances or {})
@@ -413,11 +455,12 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "matched_on": dict(comparison.tolerances),
         "varied_in_one_run": [column.name for column in matched.one_sided],
         "axes_differ": matched.axes_differ,
+        "laws_in_one_run": {"a": matched.laws_a, "b": matched.laws_b},
         "mean_difference_w": {name: difference_json(mean) for name, mean in means.items()},
         "best": {
             name: {
-                side: point and point_json(point, name)
-                for side, point in zip("ab", best, strict=True)
+                side: point and (point_json(point, name) or {}) | {"caveat": caveat}
+                for side, point, caveat in zip("ab", best, comparison.caveats[name], strict=True)
             }
             for name, best in comparison.best.items()
         },

@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 
-from rig.analysis import labels
+from rig.analysis import labels, law_differences
 from rig.analysis.comparison import (
     Comparison,
     MatchedPoints,
@@ -19,7 +19,7 @@ from rig.analysis.points import Point, error_source
 from rig.config.differences import ABSENT
 from rig.presentation import phrases
 from rig.presentation.phrases import clock_text
-from rig.row_contents import main_columns
+from rig.row_contents import main_columns, union
 from rig.stations import station_names
 
 _MAX_DIFFERENCES = 12  # listed in the text, for each group
@@ -76,7 +76,9 @@ def _settings_lines(comparison: Comparison) -> list[str]:
 def _matching_lines(comparison: Comparison) -> list[str]:
     matched = comparison.matched
     bounds = ", ".join(
-        f"{column.label} within "
+        f"equal {column.label}"
+        if column.choices
+        else f"{column.label} within "
         f"{labels.format_quantity(column, comparison.tolerances[column.name]).lstrip('+')}"
         for column in matched.columns
     )
@@ -84,6 +86,9 @@ def _matching_lines(comparison: Comparison) -> list[str]:
     lines = [f"{len(matched.pairs)} pairs of points matched{criterion}"]
     if one_sided := ", ".join(column.label for column in matched.one_sided):
         lines.append(f"only one run varies {one_sided}: its points share points of the other run")
+    for name, laws in (("A", matched.laws_a), ("B", matched.laws_b)):
+        if laws:
+            lines.append(f"only {name} has rows of the law {', '.join(laws)}: they are in no pair")
     return [*lines, f"{len(matched.only_a)} points only in A, {len(matched.only_b)} only in B"]
 
 
@@ -91,18 +96,24 @@ def _best_lines(comparison: Comparison) -> list[str]:
     """Return the best measured point of each run, station by station, matched or not."""
     both = [point for best in comparison.best.values() for point in best if point is not None]
     lines = ["Best points of each run, W" + _error_text(both)]
-    columns = (*comparison.matched.columns, *comparison.matched.one_sided)
+    matched = comparison.matched
+    laws = [column for column in matched.all_columns if law_differences.is_choice(column)]
+    columns = union(matched.columns, matched.one_sided, laws)
     for station in comparison.stations:
         label = station.label
-        for side, point in zip("AB", comparison.best[station.name], strict=True):
+        sides = zip(
+            "AB", comparison.best[station.name], comparison.caveats[station.name], strict=True
+        )
+        for side, point, caveat in sides:
             if point is None:
                 lines.append(f"  {label:<34}{side}{'-':>17}")
             else:
                 shown = (c for c in columns if c.name in point.setting)
-                setting = ", ".join(labels.format_setting(c, point.setting[c.name]) for c in shown)
+                setting = ", ".join(labels.point_setting(c, point) for c in shown)
                 power = _format_point_power(point, station.name)
                 row = ", ".join(map(str, point.rows))
-                lines.append(f"  {label:<34}{side}{power:>17}   row {row}: {setting}")
+                text = f"  {label:<34}{side}{power:>17}   row {row}: {setting}"
+                lines.append(f"{text}   {caveat}" if caveat else text)
             label = ""
         a, b = comparison.best[station.name]
         if a is not None and b is not None:

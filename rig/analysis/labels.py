@@ -1,5 +1,6 @@
 """Labels of gain-matrix columns and their values, for axes, captions and tables."""
 
+import math
 from collections.abc import Iterable, Mapping
 
 from rig.analysis.points import Point
@@ -53,6 +54,13 @@ def format_setting(column: Column, value: float) -> str:
     return f"{column.label} {format_quantity(column, value)}"
 
 
+def point_setting(column: Column, point: Point) -> str:
+    """Return a column's label and its value at a point; "-" where the point's law lacks it."""
+    if column.name in point.lacking:
+        return f"{column.label} -"
+    return format_setting(column, point.setting[column.name])
+
+
 def format_settings(columns: Iterable[Column], settings: Mapping[str, float]) -> str:
     """Return settings (SI, by column name) as text."""
     by_name = {column.name: column for column in columns}
@@ -66,10 +74,14 @@ def heading(column: Column, *, unit: bool = True) -> str:
 
 
 def best_values(columns: Iterable[Column], point: Point) -> list[tuple[Column, float]]:
-    """Return the values of a point's columns, and of their actuators; NaN where unknown."""
+    """Return the values of a point's columns, and of their actuators.
+
+    NaN where unknown, and where the law of the point has no such column.
+    """
     values = []
     for column in columns:
-        values.append((column, point.setting.get(column.name, float("nan"))))
+        known = column.name not in point.lacking
+        values.append((column, point.setting.get(column.name, math.nan) if known else math.nan))
         if column.actuator is not None:
             values.append((column.actuator, point.actuator))
     return values

@@ -1,5 +1,6 @@
 """The laws of a campaign with several: their rows, and the differences of their best points."""
 
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,10 +10,13 @@ from rig.analysis.intervals import CONFIDENCE
 from rig.analysis.points import Matrix, Point, Setting, agrees, gain_matrix, row_settings
 from rig.analysis.ranking import difference
 from rig.analysis.rows import columns_of
+from rig.config.law_settings import DEFAULT_LAW
 from rig.law_choice import CHOICE
 from rig.presentation import phrases
-from rig.row_contents import Column
+from rig.row_contents import CATEGORICAL, Column
 from rig.stations import Station, shown
+
+Pair = tuple[Matrix, Matrix]
 
 
 class LawGroup(NamedTuple):
@@ -69,6 +73,80 @@ def _name(choosing: list[Column], choice: Setting) -> str:
     if len(names) == 1:
         return next(iter(names.values()))
     return ", ".join(f"{name.removesuffix(f'_{CHOICE}')} {law}" for name, law in names.items())
+
+
+def recorded_laws(config: Mapping[str, Any]) -> dict[str, str]:
+    """Return the law's name of each axis in a run's configuration, by name of its column.
+
+    Runs recorded before there was a choice have the default law.
+    """
+    recorded = config.get(CHOICE) or {"name": DEFAULT_LAW}
+    if isinstance(recorded.get("name"), str):
+        return {CHOICE: recorded["name"]}
+    return {f"{axis}_{CHOICE}": str(each["name"]) for axis, each in recorded.items()}
+
+
+def with_joint_laws(matrices: Pair, laws: tuple[dict[str, str], dict[str, str]]) -> Pair:
+    """Return the matrices of two runs with one numbering of their laws, in a column of both.
+
+    ``laws`` are the `recorded_laws`, by which a run without a choice gets its column. Runs of one
+    and the same law keep their columns.
+    """
+    columns = {c.name: c for matrix in matrices for c in matrix.columns if is_choice(c)}
+    if not columns and laws[0] == laws[1]:
+        return matrices
+    for name in dict.fromkeys([*laws[0], *laws[1]]):
+        columns.setdefault(name, Column(name, name, "1", name.replace("_", " "), CATEGORICAL))
+    for name, column in columns.items():
+        known = [
+            next(
+                (each.choices for each in matrix.columns if each.name == name),
+                (own.get(name, DEFAULT_LAW),),
+            )
+            for matrix, own in zip(matrices, laws, strict=True)
+        ]
+        joint = column._replace(choices=tuple(dict.fromkeys([*known[0], *known[1]])))
+        a, b = (_numbered(*each, joint) for each in zip(matrices, known, strict=True))
+        matrices = a, b
+    return matrices
+
+
+def _numbered(matrix: Matrix, known: tuple[str, ...], joint: Column) -> Matrix:
+    """Return a matrix with the laws ``known`` to its column by their numbers in a joint one."""
+
+    def setting(before: Setting) -> Setting:
+        law = known[int(before.get(joint.name, 0.0))]
+        return before | {joint.name: float(joint.choices.index(law))}
+
+    others = tuple(column for column in matrix.columns if column.name != joint.name)
+    return matrix._replace(
+        points=tuple(p._replace(setting=setting(p.setting)) for p in matrix.points),
+        planned=tuple(map(setting, matrix.planned)),
+        columns=(*others, joint),
+    )
+
+
+def common_laws(a: Matrix, b: Matrix) -> tuple[set[str], set[str], set[str]]:
+    """Return the names of the laws that both matrices have, A alone has, and B alone has.
+
+    Their columns are those of `with_joint_laws`; a matrix without them has the law without a name.
+    """
+    laws = [{law_name(m.columns, each) for each in m.planned} for m in (a, b)]
+    return laws[0] & laws[1], laws[0] - laws[1], laws[1] - laws[0]
+
+
+def of_laws(matrix: Matrix, names: Collection[str]) -> Matrix:
+    """Return the points of a matrix that have one of these laws."""
+    return matrix._replace(
+        points=tuple(p for p in matrix.points if law_name(matrix.columns, p.setting) in names),
+        planned=tuple(s for s in matrix.planned if law_name(matrix.columns, s) in names),
+    )
+
+
+def law_name(columns: Iterable[Column], setting: Setting) -> str:
+    """Return the law of a set point; empty without a choice."""
+    choosing = [each for each in columns if is_choice(each) and each.name in setting]
+    return _name(choosing, setting) if choosing else ""
 
 
 def tables_by_law(table: xarray.Dataset) -> list[tuple[str, xarray.Dataset]]:

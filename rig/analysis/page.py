@@ -134,8 +134,10 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
             optimum.station.label if optimum.station.name != last_name else "",
             optimum.power_text + _CUT * bool(optimum.point.cut_rows),
             *(
-                phrases.format_signed(value) if isfinite(value) else ""
-                for _, value in labels.best_values(summary.main, optimum.point)
+                phrases.format_signed(value)
+                if isfinite(value)
+                else "-" * (column.name in optimum.point.lacking)
+                for column, value in labels.best_values(summary.main, optimum.point)
             ),
             "\n".join(caveats := [c for c in optimum.caveat.split("; ") if c != ENDED_EARLY]),
         )

@@ -15,7 +15,7 @@ from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.analysis.scatter import NO_ERROR, MeanError, error_of_sum, standard_error
 from rig.analysis.uncertainty import BUDGET_ATTRIBUTE, CONTRIBUTIONS
 from rig.presentation import phrases
-from rig.row_contents import PANEL, Column, with_role
+from rig.row_contents import PANEL, Column, is_lacking, with_role
 from rig.stations import Station, station_names
 
 PERCENT = f"{100.0 * CONFIDENCE:g} %"
@@ -39,6 +39,7 @@ class Point(NamedTuple):
     cut_rows: tuple[int, ...] = ()  # rows that ended because they could no longer be the best
     window_error: dict[str, MeanError] = {}  # noqa: RUF012 (W, of the mean, by short windows alone)
     is_reference: bool = False  # one row over the whole repeat period: others are compared with it
+    lacking: tuple[str, ...] = ()  # columns that its law lacks: their values mean nothing
 
     def contributions(self, name: str, seeds: Sequence[int] = ()) -> Floats:
         """Return the signed Type B contributions to the power of a station, W; empty without any.
@@ -168,7 +169,14 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
             rows,
             station_names(stations),
             float(columns[actuator.name][rows[0]]) if actuator else float("nan"),
-        )._replace(distributions=distributions)
+        )._replace(
+            distributions=distributions,
+            lacking=tuple(
+                each.name
+                for each in matrix_columns
+                if is_lacking(each, matrix_columns, settings[rows[0]])
+            ),
+        )
         for rows in members.values()
     )
     return Matrix(points, tuple(planned.values()), matrix_columns, stations, cut_note(table))

@@ -319,6 +319,16 @@ def find_optima(table: xarray.Dataset) -> list[Optimum]:
     return [found.best for found in slices if found.best is not None]
 
 
+def best_optima(table: xarray.Dataset) -> dict[str, Optimum]:
+    """Return the best of `find_optima` over all panels, by name of the station."""
+    best: dict[str, Optimum] = {}
+    for each in find_optima(table):
+        known = best.setdefault(each.station.name, each)
+        if each.power < known.power:
+            best[each.station.name] = each
+    return best
+
+
 def is_too_sparse(slice_: Slice) -> bool:
     """Return whether a slice of a planned surface has too few measured points for one."""
     return not spans_surface(slice_.xy) and spans_surface([*slice_.xy, *slice_.missing])

@@ -181,7 +181,7 @@ class Summary(NamedTuple):
         """Return the further settings as text; a column without effect only by its name."""
         given = [c for c in self.further if c.name in optimum.point.setting]
         effective = [c for c in given if c.name not in optimum.without_effect]
-        settings = (labels.format_setting(c, optimum.point.setting[c.name]) for c in effective)
+        settings = (labels.point_setting(c, optimum.point) for c in effective)
         parts = [f"at {', '.join(settings)}"] if effective else []
         without = [column.label for column in given if column not in effective]
         return "; ".join([*parts, f"no effect of {', '.join(without)}"] if without else parts)
@@ -389,9 +389,7 @@ def alike_text(optimum: Optimum, main: Sequence[Column]) -> str:
     points = [
         f"{point.power_text(name)} at "
         + ", ".join(
-            labels.format_setting(column, point.setting[column.name])
-            for column in main
-            if column.name in point.setting
+            labels.point_setting(column, point) for column in main if column.name in point.setting
         )
         + (f" ({ENDED_EARLY})" if point.cut_rows else "")
         for point in optimum.alike[:_MAX_ALIKE]
@@ -409,9 +407,10 @@ def _result_lines(summary: Summary) -> list[str]:
     for optimum in summary.optima:
         point, power = optimum.point, optimum.power_text
         gains = "".join(
-            f"{labels.heading(column, unit=False)} {phrases.format_signed(value):>6}  "
+            f"{labels.heading(column, unit=False)} "
+            f"{'-' if column.name in point.lacking else phrases.format_signed(value):>6}  "
             for column, value in labels.best_values(summary.main, point)
-            if column.role in (X, Y) and np.isfinite(value)
+            if column.role in (X, Y) and (np.isfinite(value) or column.name in point.lacking)
         )
         panel = with_role(summary.main, PANEL)
         lines.append(

@@ -17,6 +17,7 @@ from matplotlib.figure import FigureBase
 
 from rig import stations
 from rig.analysis import labels, panel
+from rig.analysis.labels import panel_title
 from rig.analysis.law_differences import law_groups
 from rig.analysis.points import (
     Matrix,
@@ -183,7 +184,12 @@ def draw_surfaces(
 
 def _headings(group: PanelGroup) -> list[str]:
     """Return the heading of each column of panels: the law and the value of the panel column."""
-    titles = [each.title for each in panels(group.matrix)] if group.view.by_panel else [""]
+    matrix, titles = group.matrix, [""]
+    panel_column = matrix.panel
+    if group.view.by_panel:
+        titles = [each.title for each in panels(matrix)]
+    elif group.law and panel_column is not None and len(levels(matrix, panel_column.name)) == 1:
+        titles = [panel_title(panel_column, matrix.points[0])]  # as in the columns of other laws
     law = f"law {group.law}" if group.law else ""
     return ["\n".join(filter(None, (law, title))) for title in titles]
 

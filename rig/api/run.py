@@ -187,18 +187,15 @@ class Run:
         """
         import pandas
 
+        from rig.analysis.labels import best_values
         from rig.analysis.points import gain_matrix, varied_columns
-        from rig.analysis.slices import Optimum, find_optima
+        from rig.analysis.slices import best_optima
 
         if not self._has_matrix or has_excitation(self.info):
             return pandas.DataFrame()
         with public_errors():
             varied = varied_columns(gain_matrix(self.table))
-            best: dict[str, Optimum] = {}
-            for each in find_optima(self.table):
-                known = best.get(each.station.name)
-                if known is None or each.power < known.power:
-                    best[each.station.name] = each
+            best = best_optima(self.table)
         lines = [
             {
                 "station": name,
@@ -206,7 +203,7 @@ class Run:
                 "power": each.power,
                 "standard_error": each.error,
                 "rows": list(each.point.rows),
-                **{c.name: each.point.setting.get(c.name) for c in varied},
+                **{c.name: value for c, value in best_values(varied, each.point) if c in varied},
                 "text": each.caption,
                 "caveat": each.caveat,
             }

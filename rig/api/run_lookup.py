@@ -14,17 +14,19 @@ def find_run(name: Path, runs: Path) -> Path:
     """Return the path of a run.
 
     ``name`` is the path of a folder or file, or names a run in ``runs``: 'last', an id, a
-    campaign (its newest run), or the beginning of exactly one id. Raises RunError with the newest
-    runs there are, and OSError if the folder cannot be read.
+    campaign (its newest run), or the beginning of exactly one id. 'last' and a campaign skip runs
+    that were refused before their record began, unless there are no others. Raises RunError with
+    the newest runs there are, and OSError if the folder cannot be read.
     """
     if name.exists():
         return name
     listed = list_runs(runs)
     paths = [run.path for run in listed]
+    by_record = sorted(listed, key=lambda run: not run.never_began)  # refused ones first
     if str(name) == "last" and paths:
-        return paths[-1]
+        return by_record[-1].path
     matches = [path for path in paths if path.name == str(name)]
-    matches = matches or [run.path for run in listed if run.campaign == str(name)][-1:]
+    matches = matches or [run.path for run in by_record if run.campaign == str(name)][-1:]
     matches = matches or [path for path in paths if path.name.startswith(str(name))]
     if len(matches) == 1:
         return matches[0]

@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from rig.campaign.equal_rows import EqualRows
 from rig.campaign.expected import ExpectedDuration, expected_duration
 from rig.campaign.files import (
     PREDICTION,
@@ -28,7 +29,7 @@ from rig.planning.points import unused_row_warnings
 from rig.planning.tank import TankTimes, tank_line, tank_times, tank_warnings
 from rig.planning.windows import RowWindows
 from rig.presentation.phrases import count_text, format_duration
-from rig.stations import find
+from rig.stations import Station, find
 
 
 class CampaignPrediction(Protocol):
@@ -41,6 +42,10 @@ class CampaignPrediction(Protocol):
     @property
     def plan(self) -> AnyPlan:
         """The plan of the campaign."""
+
+    @property
+    def equal_rows(self) -> tuple[EqualRows, ...]:
+        """The rows that print the same numbers although their set points differ."""
 
     @property
     def refused(self) -> tuple[Problem, ...]:
@@ -95,9 +100,36 @@ class CheckReport(NamedTuple):
         simulated = self.simulated.warnings() if self.simulated is not None else ()
         own = (
             self.unused_rows, self.validity_warnings, self.law_warnings, self.not_compiled,
-            self.plant_warnings, self.tank_warnings,
+            self.plant_warnings, self.tank_warnings, self.station_warnings, self.alike,
         )  # fmt: skip
         return (*chain.from_iterable(own), *predicted, *simulated, *self.unpredicted)
+
+    @property
+    def station_warnings(self) -> tuple[Problem, ...]:
+        """A warning if rows end by the power of another station than they are chosen by."""
+        campaign = self.campaign
+        ends = None if campaign is None else _end_station(campaign)
+        if campaign is None or ends is None or campaign.file.adaptive is None:
+            return ()
+        given = campaign.file.adaptive.station
+        chosen = find(campaign.kind.assessed_stations(campaign.rig), given)
+        if chosen == ends:
+            return ()
+        message = f"rows are chosen by {chosen.reference}, but timing.end ends them by "
+        key = ("adaptive", "station")
+        return (campaign.locate.problem(key, given, message + ends.reference),)
+
+    @property
+    def alike(self) -> tuple[Problem, ...]:
+        """A warning if the numbers of all rows look the same: the gains may have other units."""
+        if self.campaign is None or self.plan is None:
+            return ()
+        sources = (self.prediction, self.simulated)
+        groups = chain.from_iterable(each.equal_rows for each in sources if each is not None)
+        if not any(each.digits and len(each.rows) == len(self.plan.rows) for each in groups):
+            return ()
+        message = "all rows are alike: the gains are too small to matter; are they in N*s/m?"
+        return (self.campaign.locate.problem(("matrix",), None, message),)
 
     @property
     def ok(self) -> bool:
@@ -262,6 +294,7 @@ class CheckReport(NamedTuple):
             ("rows", rows),
             *_adaptive_line(campaign),
             ("measured", f"{measured}, {seconds['measure']:.6g} s in total{most}"),
+            *([] if (by := _end_station(campaign)) is None else [("end", _end_text(by))]),
             ("duration", f"{duration_text(planned)}{waits}; {wave_clock_text(campaign, planned)}"),
             *([] if (expected := self.expected) is None else [("expected", expected.text())]),
             ("phases", ", ".join(phases)),
@@ -414,6 +447,17 @@ def _tank_entry(campaign: AnyCampaign) -> dict[str, Any]:
         return {}
     keys = ("first_s", "full_s", "reflected_s", "longest_period_s", "shortest_period_s")
     return {"tank": dict(zip(keys, times, strict=True))}
+
+
+def _end_station(campaign: AnyCampaign) -> Station | None:
+    """Return the station whose power ends the rows; None where it does not."""
+    end = campaign.file.timing.end
+    stations = campaign.kind.assessed_stations(campaign.rig)
+    return None if end is None else find(stations, end.station)
+
+
+def _end_text(station: Station) -> str:
+    return f"rows end by: {station.reference}"
 
 
 def _adaptive_line(campaign: AnyCampaign) -> list[tuple[str, str]]:

@@ -56,11 +56,14 @@ def _describe(shipped: ShippedFile) -> dict[str, Any]:
         "title": title(shipped.path),
         "file": str(shipped.path),
         "problem": "",
+        "why": "",  # the same without its place in the file
     }
     try:
         return described | _FACTS[shipped.kind](shipped.path)
     except ConfigError as error:
-        return described | {"problem": error.problems[0].text()}
+        problem = error.problems[0]
+        why = f"{problem.key}: {problem.message}" if problem.key else problem.message
+        return described | {"problem": problem.text(), "why": why}
 
 
 def _task_facts(path: Path) -> dict[str, Any]:
@@ -104,7 +107,11 @@ def _table(kind: str, described: list[dict[str, Any]]) -> Table:
     table = plain_table("name", *facts, "title…", header_style="dim", padding=(0, 1, 0, 0))
     for one in described:
         if one["problem"]:
-            table.add_row(one["name"], *"-" * len(facts), Text(one["problem"], style="red"))
+            table.add_row(
+                one["name"],
+                *"-" * len(facts),
+                Text.assemble(one["title"], (f" ({one['why']})", "red")),
+            )
             continue
         table.add_row(one["name"], *_cells(kind, one), Text(one["title"]))
     return table

@@ -88,6 +88,7 @@ class KindColumns:
                 each.unit,
                 each.label,
                 choices=each.choices,
+                laws=each.laws,
                 **{"role": CATEGORICAL if each.choices else LAW}
                 | self.law_details.get(each.key, {}),
             )

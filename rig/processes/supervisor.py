@@ -149,7 +149,8 @@ class SupervisedRun:
         self._orders = Orders(task.params.segments, task.people, self._journal, self._woken.set)
         self._server: RequestServer | None = None
         self._layout = layout(task.kind.row_type)
-        self._names = [leaf.name for leaf in leaves(task.kind.row_type)]
+        self._units = {leaf.name: leaf.unit for leaf in leaves(task.kind.row_type)}
+        self._names = list(self._units)
         self._io_processes = IoProcesses(mode.io_processes, folder, wire_locks)
         self._compiler: TickCompiler | None = None
         self._request = safety.REQUEST_NONE  # to stop: of the terminal, people, or the logger's end
@@ -468,7 +469,7 @@ class SupervisedRun:
         newest = self._ring.remaining_rows()[-ROWS * self._ring.row_size :]
         unpacked = self._layout.iter_unpack(newest)
         rows = [dict(zip(self._names, row, strict=True)) for row in unpacked]
-        return tuple(filter(None, (first_not_finite(rows),)))
+        return tuple(filter(None, (first_not_finite(rows, self._units),)))
 
     def _outcome(self, loop: Child | None) -> Outcome:
         end, row = self._end, self._latest_row()

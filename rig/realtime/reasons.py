@@ -67,7 +67,7 @@ class Reason(StopReason):
         6,
         0,
         "a value was NaN or infinite",
-        "Look in the last second of the log for the first value that is no number.",
+        "Look with `rig plot last` at the last seconds, for the first value that is no number.",
     )
     STALE_ENCODER = (
         7,

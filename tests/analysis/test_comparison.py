@@ -35,6 +35,7 @@ from rig.analysis.differences import differences
 from rig.analysis.points import Matrix, Point
 from rig.analysis.report import analyse
 from rig.analysis.rows import contents_attributes
+from rig.analysis.slices import find_optima
 from rig.cli.app import app
 from rig.kinds.wavebot.row_contents import row_contents
 from rig.recording.runs.folder import RunInfo
@@ -440,6 +441,68 @@ def test_runs_with_different_axes_are_compared_by_their_best_points(
         expected = [1.0 - 10.0 * seed, 4.0 - 7.0 - 10.0 * seed]
         assert [best[side]["mean_w"] for side in "ab"] == expected
         assert re.search(rf"electrical DC +seed {seed} .* B - A +−4\.00\n", text)
+
+
+def of_laws(settings: list[dict[str, float]], names: tuple[str, ...]) -> xarray.Dataset:
+    """Return a row table of rows of several laws: power by `kp`, and 5 W less if latched."""
+    law = laws.choice([laws.own(name) for name in names])
+    latched = names.index("latching")
+    spring = {"spring_rate": 490.9, "ki": 0.0, "km": 0.0}
+    table = rows(
+        [{**spring, **each} for each in settings],
+        lambda each: dict.fromkeys(POWERS, each["kp"] / 100.0 - 5.0 * (each["law"] == latched)),
+    )
+    return table.assign_attrs(contents_attributes(row_contents(law.columns)))
+
+
+def test_points_of_different_laws_are_no_pairs(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A latched row and one of the default law may have the same Kp."""
+    gains = (-1000.0, -2000.0, -3000.0)
+    plain = [{"spring_rate": 490.9, "kp": kp, "ki": 0.0} for kp in gains]
+    both = [{"kp": kp, "latch": 0.0, "law": 0.0} for kp in gains]
+    latched = [{"kp": kp, "latch": 0.1 * i, "law": 1.0} for i, kp in enumerate(gains, 1)]
+    one, two = ("impedance", "latching"), ("latching", "impedance")
+    swapped = [{**each, "law": 1.0 - each["law"]} for each in (*both, *latched)]
+    tables = {
+        "cots": of_laws([*both, *latched], one),
+        "custom": of_law("impedance", plain, 0.0),
+        "line": of_laws(swapped, two),
+        "slower": of_laws(latched, one),
+    }
+    read = comparisons.current_table
+
+    def with_record(run: Path, **options: bool) -> xarray.Dataset:
+        state = read(run, **options).attrs["record_state"]
+        return tables[run.name].assign_attrs(record_state=state)
+
+    monkeypatch.setattr(comparisons, "current_table", with_record)
+    found = compare(runs / "cots", runs / "custom")
+    assert [(pair.a.rows, pair.b.rows[0]) for pair in found.matched.pairs] == [
+        ((0,), 0), ((1,), 1), ((2,), 2),
+    ]  # fmt: skip
+    assert [point.rows for point in found.matched.only_a] == [(3,), (4,), (5,)]
+    text = as_text(found)
+    assert "only A has rows of the law latching: they are in no pair" in text
+    assert "its points share points" not in text
+    assert "DIFFERENT" not in text
+    # The places of the laws in the lists do not count.
+    found = compare(runs / "cots", runs / "line")
+    assert [(pair.a.rows, pair.b.rows) for pair in found.matched.pairs] == [
+        ((row,), (row,)) for row in range(6)
+    ]
+    assert [power_difference(pair, "dc").watts for pair in found.matched.pairs] == [0.0] * 6
+    assert "matched by equal law" in as_text(found) or ", equal law" in as_text(found)
+    found = compare(runs / "slower", runs / "custom")
+    assert (found.matched.pairs, found.matched.axes_differ) == ((), True)
+    text = as_text(found)
+    assert "!! DIFFERENT LAWS: A has latching; B has impedance; the best points are c" in text
+    assert "Mean difference" not in text
+    best = as_json(found)["best"]["dc"]
+    assert best["a"]["mean_w"] == -35.0
+    # The remarks are those of `rig show`, which names the edge of the grid.
+    (shown,) = (each for each in find_optima(tables["custom"]) if each.station.name == "dc")
+    assert best["b"]["caveat"] == shown.caveat == "grid's edge"
+    assert re.search(r"^ +B .* law impedance.*   grid's edge$", text, re.MULTILINE)
 
 
 def analysed(run: Path) -> str:

@@ -16,6 +16,7 @@ from rig_command import rig_here
 from controllers import impedance, latching, nonlinear_damping
 from controllers.signals import Estimate
 from rig import laws
+from rig import open as open_in_python
 from rig.analysis.rows import NOT_RUN, row_table
 from rig.campaign.simulated_rows import SimulatedRows
 from rig.kinds.rig_file import kind_of_task
@@ -182,7 +183,14 @@ def test_rows_choose_their_law(tmp_path: Path) -> None:
     recorded = json.loads((run / "config.json").read_text())["law"]["choices"]
     assert [each["name"] for each in recorded] == ["impedance", "own", "nonlinear damping"]
     _, out, _ = rig_here("show", run)
+    # The first row has its law's columns alone; so have the tables of Python.
     assert "law impedance" in out
+    assert "latching time -" in out
+    assert "latching time 0 s" not in out
+    rows = open_in_python(run).rows
+    assert rows.latch.isna().tolist() == [True, False, True]
+    assert rows.kp.isna().tolist() == [False, False, True]
+    assert rows.quadratic.isna().tolist() == [True, True, False]
 
 
 DAMPER = """

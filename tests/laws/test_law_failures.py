@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rig_command import rig_here
 from test_adding_a_law import PAGE, write_example
@@ -14,6 +15,7 @@ from rig.processes.loop_process import _failure_text
 from rig.processes.not_finite import first_not_finite
 from rig.realtime.compiled_tick import EXCEPTION_TEXT
 from rig.realtime.reasons import Reason
+from rig.recording.runs import open_run
 from rig.recording.runs.folder import STATUS
 from tests.docs.blocks import file_of
 
@@ -55,8 +57,20 @@ def test_nan_of_a_law_is_named(options: tuple[str, ...], tmp_path: Path) -> None
     assert (status["status"], status["reason"]) == ("fault", "NOT_FINITE")
     (message,) = status["messages"]
     assert message.startswith("the law of the axis heave demanded nan at ")
-    assert message.endswith(" (log field heave.demand.force)")
+    # By the record, in which the tick after that of the demand is the last one of the loop.
+    (run,) = (tmp_path / "runs").iterdir()
+    log = open_run(run)
+    (tick, *_) = np.flatnonzero(np.isnan(log["heave.demand.force"].values)).tolist()
+    position, velocity = (
+        float(log[f"heave.estimate.{each}"].values[tick]) for each in ("position", "velocity")
+    )
+    row = int(log["plan.row"].values[tick])
+    assert message.endswith(
+        f"{'' if row < 0 else f', row {row}'}, at position {position:.2g} m and velocity "
+        f"{velocity:.2g} m/s (log field heave.demand.force)"
+    )
     assert message in errors
+    assert "`rig plot last`" in rig_here("show", run)[1]
 
 
 def row(time: float, reason: Reason = Reason.NONE, **values: float) -> dict[str, float]:
@@ -74,6 +88,13 @@ def test_first_signal_is_the_cause_of_the_others() -> None:
     late = [row(0.0), row(1.0, heave__demand__force=float("inf")), row(2.0, trip, load__lcb=nan)]
     assert first_not_finite(late) == (
         "the law of the axis heave demanded inf at 1.000 s (log field heave.demand.force)"
+    )
+    moving = {"plan__row": 3, "heave__estimate__position": 0.11, "heave__estimate__velocity": 0.31}
+    units = {"heave.estimate.position": "m", "heave.estimate.velocity": "m/s"}
+    ticks = [row(0.0, **moving), row(5.085, heave__demand__force=nan, **moving), row(5.086, trip)]
+    assert first_not_finite(ticks, units) == (
+        "the law of the axis heave demanded nan at 5.085 s, row 3, at position 0.11 m and velocity "
+        "0.31 m/s (log field heave.demand.force)"
     )
     assert not first_not_finite([row(0.0), row(1.0, load__lcb=nan), row(2.0, Reason.POSITION)])
 

@@ -13,6 +13,7 @@ from command_here import rig
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
+from rig.api.run_lookup import find_run
 from rig.kinds.wavebot.tick import WaveBotRow
 from rig.recording import row_layout
 from rig.recording.runs import RunError, list_runs, open_run, reader
@@ -237,6 +238,28 @@ def test_a_refused_run_is_listed_with_the_reason_of_its_status(tmp_path: Path) -
     done = rig("runs", "--runs", tmp_path)
     assert "the host did not grant core" in done.stdout
     assert "no run.mcap" not in done.stdout
+
+
+def test_last_skips_refused_runs_without_a_record(tmp_path: Path) -> None:
+    for name, status in (("20260504-093000", "complete"), ("20260504-100000", "refused")):
+        folder = tmp_path / name
+        folder.mkdir()
+        facts = {"status": status, "reason": "no such interface: can0", "run": name}
+        (folder / "run.json").write_text(json.dumps(facts | {"campaign": "default"}))
+        (folder / "config.json").write_text("{}")
+    measured, refused = sorted(tmp_path.iterdir())
+    files.write(measured / "run.mcap", files.rows(10))
+    for name in ("last", "default"):
+        assert find_run(Path(name), tmp_path) == measured
+    for command in (["show"], ["plot"], ["recover"], ["run", "--resume"]):
+        done = rig(*command, refused.name, "--runs", tmp_path)
+        assert done.returncode != 0
+        assert "the run was refused and has no record: no such interface: can0" in done.stderr
+    (measured / "run.mcap").unlink()
+    measured.joinpath("run.json").unlink()
+    measured.joinpath("config.json").unlink()
+    measured.rmdir()
+    assert find_run(Path("last"), tmp_path) == refused  # there is no other
 
 
 def process_start(pid: int) -> int:

@@ -20,6 +20,7 @@ from rehearsing import CONFIGS, sweep_sequentially, write_yaml
 
 from rig.analysis.choices import ChosenRow, choices_of
 from rig.analysis.rows import COMPLETE, row_table
+from rig.config.shipped_files import title
 from rig.execution.choosing_process import ERRORS
 from rig.execution.replay import replay
 from rig.realtime.sequence import NO_ROW
@@ -37,6 +38,17 @@ WITHOUT_SKLEARN = (
     "u.find_spec = lambda name, *a: None if name == 'sklearn' else find(name, *a); "
     "from rig.cli.app import app; app()"
 )
+
+
+def test_a_list_without_the_library_keeps_the_title_of_a_campaign() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_SKLEARN, "campaigns"],
+        capture_output=True, text=True, check=True, env=os.environ | {"COLUMNS": "300"},
+    )  # fmt: skip
+    (line,) = (each for each in done.stdout.splitlines() if each.startswith("adaptive "))
+    shown = title(CONFIGS / "campaigns" / "adaptive.yaml")
+    assert f"{shown} (adaptive: scikit-learn is not installed; " in line
+    assert ".yaml:" not in line
 
 
 def write_campaign(folder: Path, *, adaptive: Any = (), **keys: Any) -> Path:

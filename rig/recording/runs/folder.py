@@ -34,6 +34,7 @@ SOCKET = "requests.sock"  # of a run that runs, for the requests of people
 CONFIG = "config.json"
 PLAN = "plan.json"
 LAW_SOURCE = "law.py"  # of a law that was given by its file
+REFUSED = "refused"  # status of a run that did not begin
 _ABANDONED = "its supervisor is gone and wrote no end status: `rig recover` finishes it"
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
 _EARLIER = re.compile(r"earlier-(\d+)\.mcap")
@@ -57,8 +58,16 @@ def mcap_files(run: str | os.PathLike[str]) -> list[Path]:
             return [*earlier, file]
     found = [*earlier, *mcap_parts(path)]
     if not found:
-        raise RunError(f"{path}: no {MCAP} and no part of one")
+        raise RunError(no_record_text(path))
     return found
+
+
+def no_record_text(folder: Path) -> str:
+    """Return why a run's folder has no record: a refused run never began one."""
+    status = _read_json(folder / STATUS)
+    if status.get("status") == REFUSED:
+        return f"{folder}: the run was refused and has no record: {status.get('reason', 'unknown')}"
+    return f"{folder}: no {MCAP} and no part of one"
 
 
 def mcap_parts(folder: Path) -> list[Path]:
@@ -266,6 +275,11 @@ class RunListEntry(NamedTuple):
     problem: str  # problem with the folder; empty without one
     record: str = ""  # state of its record when the run was closed; `rig show` checks it
 
+    @property
+    def never_began(self) -> bool:
+        """Whether the run was refused before its record began."""
+        return self.status == REFUSED and self.size == 0
+
 
 def _count(value: Any) -> int | None:
     return value if isinstance(value, int) else None
@@ -330,7 +344,7 @@ def _list_entry(path: Path) -> RunListEntry:
         problem = str(error)
     state = str(found.status.get("status") or "unknown")
     record = str(found.status.get("record", ""))
-    if state == "refused" and not mcaps:  # it never began: the reason of its status counts
+    if state == REFUSED and not mcaps:  # it never began: the reason of its status counts
         problem = record = ""
     if state == "running" and _is_abandoned(found.status, mcaps):
         state = "abandoned"

@@ -311,7 +311,7 @@ def _sources_and_target(run: Path) -> tuple[tuple[Path, ...], Path]:
         return (record, *folder.mcap_parts(run)), run / folder.RECOVERED
     parts = tuple(folder.mcap_parts(run))
     if not parts:
-        raise RunError(f"{run}: no {folder.MCAP} and no part of one: nothing was written")
+        raise RunError(f"{folder.no_record_text(run)}: nothing was written")
     return parts, record
 
 

@@ -134,7 +134,7 @@ def test_a_killed_run_is_resumed(
     files = shutil.copytree(CORPUS / "files", tmp_path / "files")
     monkeypatch.chdir(files)  # the records name their files relative to it
     status = json.loads((run / "run.json").read_text())
-    cut(run, 0.8e-3 * status["ticks"])
+    cut(run, 0.5e-3 * status["ticks"])
     options = ("--resume", run, "--accept-changes", "--interpreted", "--runs", run.parent)
     code, out, error = rig_here("run", files / f"{name}_campaign.yaml", *options)
     assert code == 0, out + error

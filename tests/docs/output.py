@@ -22,7 +22,9 @@ VARYING = (
 )
 """Parts that vary from run to run, host to host or version to version, with their patterns."""
 
-_PROGRESS = re.compile(r"\d+:\d\d of \d+:\d\d rig time")  # how often a run prints it varies
+_PROGRESS = re.compile(  # how often a run prints it varies, and whether the loop is compiled
+    r"\d+:\d\d of \d+:\d\d rig time|compiling the loop, about a minute"
+)
 _PATTERNS = [(name, re.compile(pattern, re.MULTILINE)) for name, pattern in VARYING]
 
 

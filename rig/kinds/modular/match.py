@@ -21,7 +21,7 @@ def impedance_match(campaign: AnyCampaign) -> dict[str, float]:
     if not isinstance(sea, RegularSea) or len(axes) != 1:
         return {}
     model, _ = load_model(ConfigSource(campaign.plant, campaign.plant_locate))
-    if model is None:
+    if model is None or len(model.plant.axes) != 1:  # the plant may have axes that the rig has not
         return {}
     (axis,) = model.plant.axes.values()
     if axis.backlash is not None or axis.hydraulic is not None:

@@ -218,7 +218,7 @@ class CheckReport(NamedTuple):
                 if planned.least_duration < planned.duration
                 else {}
             ),
-            **({} if self.expected is None else self.expected.as_dict()),
+            **({} if (expected := self.expected) is None else expected.as_dict()),
             "wave_clock_s": sum(stage.wave_seconds for stage in stages),
             "measured_s": _phase_seconds(stages)["measure"],
             **moves_entry(campaign, planned),

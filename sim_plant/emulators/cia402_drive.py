@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from sim_plant.emulators import device_errors, device_objects
 from sim_plant.emulators.cia402 import Action, OptionCodes, State, StateMachine
 from sim_plant.emulators.device_objects import Key, ObjectEntry, SdoRefusedError
-from sim_plant.emulators.fault_list import Fault
+from sim_plant.emulators.fault_list import EITHER, Fault
 from sim_plant.emulators.object_device import ObjectDevice
 from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Second, Volt
@@ -34,6 +34,12 @@ class Cia402Params(NamedTuple):
     max_voltage: Volt = 400.0
 
 
+LIMIT_SWITCH = Fault(
+    "limit_switch",
+    "60FD: a limit switch is closed",
+    "bit: 0 negative, 1 positive",
+    limits=EITHER,
+)
 DRIVE_FAULTS = (
     Fault("drive_fault", "a fault of the drive; it can be reset", "EMCY code", 0xFF00, once=True),
     Fault("over_temperature", "the drive is hot: fault 4310 above the limit", "degC", 120.0),

@@ -15,6 +15,7 @@ from sim_plant.emulators.actuator_units import ActuatorParams, ActuatorUnits
 from sim_plant.emulators.cia402 import Action
 from sim_plant.emulators.cia402_drive import (
     HOMING,
+    LIMIT_SWITCH,
     LIMITED,
     MODE_12,
     MODE_13,
@@ -23,7 +24,7 @@ from sim_plant.emulators.cia402_drive import (
     Cia402Drive,
 )
 from sim_plant.emulators.device_objects import ObjectEntry, round_or_zero
-from sim_plant.emulators.fault_list import EITHER, Fault
+from sim_plant.emulators.fault_list import Fault
 from sim_plant.emulators.homing import Homing, HomingInputs, Phase
 from sim_plant.emulators.profile_motion import Motion, MotionLimits
 from sim_plant.emulators.shared_simulation import SharedSimulation
@@ -38,13 +39,7 @@ ACTUATOR_FAULTS = (
     Fault("wrong_gear", "6091 has another gear's value and ignores writes", "factor on it", 0.769),
     Fault("blocked", "the stator does not move: following error"),
     Fault("homing_fails", "homing ends with an error"),
-    Fault(
-        "limit_switch",
-        "60FD: a limit switch is closed",
-        "bit: 0 negative, 1 positive",
-        0.0,
-        limits=EITHER,
-    ),
+    LIMIT_SWITCH,
 )
 
 

@@ -15,13 +15,14 @@ from sim_plant.emulators import device_errors
 from sim_plant.emulators.cia402 import Action
 from sim_plant.emulators.cia402_drive import (
     CYCLIC_TORQUE,
+    LIMIT_SWITCH,
     LIMITED,
     MODE_12,
     Cia402Drive,
     Cia402Params,
 )
 from sim_plant.emulators.device_objects import ObjectEntry, round_or_zero
-from sim_plant.emulators.fault_list import EITHER, SIGNED, Fault
+from sim_plant.emulators.fault_list import SIGNED, Fault
 from sim_plant.emulators.shared_simulation import SharedSimulation
 from sim_plant.units import Ampere, Code, Count, Flag, Second, Volt
 
@@ -88,13 +89,7 @@ TORQUE_FAULTS = (
     Fault("load_cell_saturated", "analog input 1 reads its positive limit"),
     Fault("load_cell_dead", "both analog inputs read 0 V"),
     Fault("load_cell_inverted", "analog input 1 has the opposite sign"),
-    Fault(
-        "limit_switch",
-        "60FD: a limit switch is closed",
-        "bit: 0 negative, 1 positive",
-        0.0,
-        limits=EITHER,
-    ),
+    LIMIT_SWITCH,
 )
 
 

@@ -332,6 +332,17 @@ def line_damping(plant: Plant) -> Floats:
     return total
 
 
+def linear_damping(plant: Plant) -> Floats:
+    """Return the linear damping of modes, axes and taut lines for small motions, (n, n).
+
+    Viscous friction of the axes counts; drag, Coulomb friction and radiation do not.
+    """
+    factors = factor_matrix(plant)
+    viscous = np.diag([axis.viscous_friction for axis in plant.axes.values()])
+    modes = np.diag([mode.linear_damping for mode in plant.modes.values()])
+    return np.asarray(modes + factors.T @ viscous @ factors + line_damping(plant))
+
+
 def _params(plant: Plant, bem: BemModes, memory: Radiation) -> ModesParams:
     modes, sensors = plant.modes.values(), plant.sensors.values()
     signals = plant.signals()

@@ -405,6 +405,17 @@ def of_law(law: str, settings: list[dict[str, float]], offset: float) -> xarray.
     return table.assign(seed=("row", seeds)).assign_attrs(contents)
 
 
+def give_tables(monkeypatch: pytest.MonkeyPatch, tables: dict[str, xarray.Dataset]) -> None:
+    """Let runs have these row tables, by name, with the state of their own records."""
+    read = comparisons.current_table
+
+    def with_record(run: Path, **options: bool) -> xarray.Dataset:
+        state = read(run, **options).attrs["record_state"]
+        return tables[run.name].assign_attrs(record_state=state)
+
+    monkeypatch.setattr(comparisons, "current_table", with_record)
+
+
 def test_runs_with_different_axes_are_compared_by_their_best_points(
     runs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -416,13 +427,7 @@ def test_runs_with_different_axes_are_compared_by_their_best_points(
             "nonlinear damping", [{**spring, "quadratic": b, "coulomb": 0.0} for b in (4, 5)], -7.0
         ),
     }
-    read = comparisons.current_table
-
-    def with_record(run: Path, **options: bool) -> xarray.Dataset:
-        state = read(run, **options).attrs["record_state"]
-        return tables[run.name].assign_attrs(record_state=state)
-
-    monkeypatch.setattr(comparisons, "current_table", with_record)
+    give_tables(monkeypatch, tables)
     comparison = compare(runs / "cots", runs / "custom")
     assert comparison.matched.axes_differ
     assert comparison.matched.pairs == ()
@@ -469,13 +474,7 @@ def test_points_of_different_laws_are_no_pairs(runs: Path, monkeypatch: pytest.M
         "line": of_laws(swapped, two),
         "slower": of_laws(latched, one),
     }
-    read = comparisons.current_table
-
-    def with_record(run: Path, **options: bool) -> xarray.Dataset:
-        state = read(run, **options).attrs["record_state"]
-        return tables[run.name].assign_attrs(record_state=state)
-
-    monkeypatch.setattr(comparisons, "current_table", with_record)
+    give_tables(monkeypatch, tables)
     found = compare(runs / "cots", runs / "custom")
     assert [(pair.a.rows, pair.b.rows[0]) for pair in found.matched.pairs] == [
         ((0,), 0), ((1,), 1), ((2,), 2),

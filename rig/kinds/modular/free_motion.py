@@ -61,16 +61,12 @@ def poles(model: PlantModel) -> Complexes:
     """Return the poles of the plant for small motions from rest, without a law, 1/s."""
     plant, memory = model.plant, model.radiation
     modes, states = len(plant.modes), len(memory.source)
-    factors = building.factor_matrix(plant)
-    viscous = np.diag([axis.viscous_friction for axis in plant.axes.values()])
-    damping = np.diag([mode.linear_damping for mode in plant.modes.values()])
-    damping = damping + factors.T @ viscous @ factors + building.line_damping(plant)
     inverse = np.linalg.inv(building.inertia_matrix(plant, model.bem))
     velocity, radiated = slice(modes, 2 * modes), slice(2 * modes, None)
     system = np.zeros((2 * modes + states,) * 2)
     system[:modes, velocity] = np.eye(modes)
     system[velocity, :modes] = -inverse @ building.stiffness_at_rest(plant, model.bem)
-    system[velocity, velocity] = -inverse @ damping
+    system[velocity, velocity] = -inverse @ building.linear_damping(plant)
     system[velocity, radiated] = -inverse @ memory.output
     fluid = np.diag(memory.diagonal)
     fluid[range(states), memory.partner] += memory.cross

@@ -26,7 +26,7 @@ def impedance_match(campaign: AnyCampaign) -> dict[str, float]:
     (axis,) = model.plant.axes.values()
     if axis.backlash is not None or axis.hydraulic is not None:
         return {}
-    omega = 2.0 * np.pi * (sea.frequency_hz or 1.0 / (sea.period_s or np.inf))
+    omega = 2.0 * np.pi * sea.frequency
     z = axis_impedance(model, omega)
     return {"kp": -z.real, "ki": -omega * z.imag, "kp_real": -abs(z)}
 
@@ -37,10 +37,7 @@ def axis_impedance(model: PlantModel, omega: float) -> complex:
     Waves, springs, linear damping and viscous friction count; drag and Coulomb friction do not.
     """
     plant = model.plant
-    (axis,), (factors,) = plant.axes.values(), building.factor_matrix(plant)
-    damping = np.diag([mode.linear_damping for mode in plant.modes.values()])
-    damping = damping + axis.viscous_friction * np.outer(factors, factors)
-    damping = damping + building.line_damping(plant)
+    (factors,), damping = building.factor_matrix(plant), building.linear_damping(plant)
     inertia = building.inertia_matrix(plant, model.bem)
     stiffness = building.stiffness_at_rest(plant, model.bem)
     memory = radiation.response(model.radiation, np.array([omega]))[0]

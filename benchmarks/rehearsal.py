@@ -10,9 +10,10 @@ from typing import NamedTuple
 from benchmarks.start import rig_command
 from benchmarks.support.live_run import LOGGER, LOOP, live_run, processor_time
 from benchmarks.support.recorded import ROOT, build_loop_parts, write_campaign_file
-from benchmarks.support.result import Result, figure
+from benchmarks.support.result import Result, figure, ratios
 
 MAX_DEFAULT_S = 12.0
+MIN_RATIO, MIN_TIMES_REAL = 15.0, 200.0  # of a rehearsal to an interpreted one; of one core
 DEFAULT = ROOT / "configs" / "campaigns" / "default.yaml"
 
 
@@ -25,9 +26,11 @@ class RehearsalSpeed(NamedTuple):
     logger_us: float  # processor time of the logger per row
 
 
-def measure_speed(campaign: Path, runs: Path, dt: float, core: int | None) -> RehearsalSpeed:
+def measure_speed(
+    campaign: Path, runs: Path, dt: float, core: int | None, *, interpreted: bool = False
+) -> RehearsalSpeed:
     """Rehearse a campaign under the real supervisor, on one core or on any (None)."""
-    with live_run(campaign, runs, real_clock=False, core=core) as run:
+    with live_run(campaign, runs, real_clock=False, interpreted=interpreted, core=core) as run:
         logger, loop = run.pid(LOGGER), run.pid(LOOP)
         run.wait_started()
         first, began = run.ring.head, time.monotonic()
@@ -64,17 +67,18 @@ def time_run(task: Path, runs: Path) -> float:
 
 
 def measure(short: bool) -> Result:
-    """Alternate rehearsals on one core and on two; then time `rig run` of a whole campaign."""
-    seconds, repetitions = (100.0, 1) if short else (3000.0, 5)
+    """Alternate rehearsals, compiled and interpreted, then time `rig run` of a whole campaign."""
+    seconds, interpreted_s, repetitions = (100.0, 30.0, 1) if short else (3000.0, 300.0, 5)
     task = ROOT / "configs" / "campaigns" / "quick.yaml" if short else DEFAULT
     cores = sorted(os.sched_getaffinity(0))
-    one_core, all_cores = list[RehearsalSpeed](), list[RehearsalSpeed]()
+    one_core, all_cores, slow = (list[RehearsalSpeed]() for _ in range(3))
     subprocess.run(
         [*rig_command(), "compile", str(task)], cwd=ROOT, check=True, capture_output=True
     )
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         campaign = write_campaign_file(folder, seconds)
+        shorter = write_campaign_file(folder, interpreted_s)
         plan = build_loop_parts(campaign).plan
         dt = plan.dt
         # This process polls every 10 ms; it stays off the measured core.
@@ -83,6 +87,9 @@ def measure(short: bool) -> Result:
             for i in range(repetitions):
                 os.sched_setaffinity(0, others)
                 one_core.append(measure_speed(campaign, folder / f"one{i}", dt, cores[-1]))
+                slow.append(
+                    measure_speed(shorter, folder / f"slow{i}", dt, cores[-1], interpreted=True)
+                )
                 os.sched_setaffinity(0, set(cores))
                 all_cores.append(measure_speed(campaign, folder / f"two{i}", dt, None))
         finally:
@@ -91,8 +98,9 @@ def measure(short: bool) -> Result:
     return Result(
         "rehearsal",
         "full rehearsal with plant and log, first tick to last row on disk; `rig run` as a whole",
-        f"{repetitions} rehearsals of {plan.duration:g} s on one core and {repetitions} on "
-        f"{len(cores)}, alternating; {repetitions} x `rig run` of {task.stem}, compiled before",
+        f"{repetitions} rehearsals of {plan.duration:g} s on one core, interpreted ones of "
+        f"{interpreted_s:g} s and ones on {len(cores)} cores, alternating; {repetitions} x "
+        f"`rig run` of {task.stem}, compiled before",
         (
             figure(
                 f"rig run of {task.stem}, products and pictures included", "s", whole,
@@ -102,9 +110,20 @@ def measure(short: bool) -> Result:
                 "one core, loop and logger and all",
                 "x real time",
                 [each.times_real for each in one_core],
+                at_least=None if short else MIN_TIMES_REAL,
             ),
             figure(
                 "one core, by processor time", "x real time", [each.times_core for each in one_core]
+            ),
+            figure(
+                "one core, interpreted, by processor time",
+                "x real time",
+                [each.times_core for each in slow],
+            ),
+            figure(
+                "ratio of these two, log included", "x",
+                ratios([e.times_core for e in one_core], [e.times_core for e in slow]),
+                at_least=None if short else MIN_RATIO,
             ),
             figure(
                 f"{len(cores)} cores, as started", "x real time", [e.times_real for e in all_cores]

@@ -264,11 +264,15 @@ def live_run(
     runs: Path,
     *,
     real_clock: bool,
+    interpreted: bool = False,
     core: int | None = None,
     env: dict[str, str] | None = None,
 ) -> LiveRun:
-    """Start a campaign under the real supervisor, optionally confined to one core."""
-    clock = "real" if real_clock else "virtual"
+    """Start a campaign under the real supervisor, optionally confined to one core.
+
+    An interpreted loop has the virtual clock.
+    """
+    clock = "real" if real_clock else "interpreted" if interpreted else "virtual"
     if real_clock:
         wait_realtime_free()
     core_option = [] if core is None else [str(core)]

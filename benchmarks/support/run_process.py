@@ -1,9 +1,9 @@
 """Run one campaign under the real supervisor, without products, in a process to be observed.
 
-``python -m benchmarks.support.run_process CAMPAIGN RUNS virtual|real [CORE]``, or ``hil RIG
-[DEVICES]`` for emulated devices on a rig's wires, and another module of the loop's devices;
+``python -m benchmarks.support.run_process CAMPAIGN RUNS virtual|interpreted|real [CORE]``, or ``hil
+RIG [DEVICES]`` for emulated devices on a rig's wires, and another module of the loop's devices;
 SIGTERM requests a controlled stop, a second one power off. With a core, supervisor, logger and loop
-are confined to it.
+are confined to it. The clock of an interpreted loop is virtual.
 """
 
 import json
@@ -28,6 +28,7 @@ def main() -> None:
         if wires
         else rehearsal_mode(campaign, real_clock=clock == "real")
     )
+    mode = mode._replace(interpreted=clock == "interpreted")
     if wires and len(more) > 1:
         mode = mode._replace(device_module=more[1])
     result = run_task(execution_task(campaign, plan), Path(runs), SilentView(), mode)

@@ -5,6 +5,7 @@ stacked panels: DC power, AC power, one panel for each drive parameter that vari
 each other column that varies, so that all differences between two bars are visible.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,7 +22,7 @@ from rig.analysis.rows import COMPLETE, columns_of, stations_of
 from rig.presentation import phrases, picture
 from rig.presentation.picture import ACCENT, DARK, MUTED
 from rig.row_contents import DRIVE, Column
-from rig.stations import Station, shown
+from rig.stations import Station, find, shown
 
 Sort = Literal["run", "power"]
 
@@ -40,15 +41,15 @@ def varies_drive(matrix: Matrix) -> bool:
     return any(column.role == DRIVE for column in varied_columns(matrix))
 
 
-def row_order(table: xarray.Dataset, sort: Sort) -> list[int]:
-    """Return the table indices of complete rows in order of the run or of power.
+def row_order(table: xarray.Dataset, sort: Sort, station: Station) -> list[int]:
+    """Return the table indices of complete rows in order of the run or of power at a station.
 
-    By power at the last station, the row that absorbs most is first. Rows of one law stand
-    together, in the order of the laws.
+    By power, the row that absorbs most is first. Rows of one law stand together, in the order of
+    the laws.
     """
     complete = np.flatnonzero(table["state"].values == COMPLETE).tolist()
     if sort == "power":
-        power = table[f"power_{stations_of(table)[-1].name}"].values
+        power = table[f"power_{station.name}"].values
         complete.sort(key=lambda i: float(np.nan_to_num(power[i], nan=np.inf)))
     settings, choosing = row_settings(table), _choosing(table)
     return sorted(complete, key=lambda i: [settings[i].get(each.name, 0.0) for each in choosing])
@@ -59,15 +60,20 @@ def _choosing(table: xarray.Dataset) -> list[Column]:
     return [column for column in columns_of(table) if is_choice(column)]
 
 
-def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
+def write_bars(
+    table: xarray.Dataset, path: Path, sort: Sort = "run", names: Iterable[str] = ()
+) -> Path:
     """Write a picture with a bar for each complete row; the best row is marked.
 
-    The panels show the last two stations of the pictures; the last one defines the best row.
+    The panels show the stations ``names``, by id or label; by default the last two of the pictures,
+    the last one first. The first panel's station defines the best row and the order by power.
 
     Whiskers are standard errors, or 95 % intervals by a budget. Raises ValueError if no row is
-    complete.
+    complete, and for unknown names.
     """
-    positions = row_order(table, sort) if "state" in table else []
+    named = dict.fromkeys(find(stations_of(table), name) for name in names)
+    stations = tuple(named) or shown(stations_of(table))[:-3:-1]
+    positions = row_order(table, sort, stations[0]) if "state" in table else []
     if not positions:
         raise ValueError("no complete row: no bars to draw")
     settings = row_settings(table)
@@ -75,12 +81,11 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     laws = law_groups(shown_rows)
     varied = (column for column in varied_columns(shown_rows) if not is_choice(column))
     columns = sorted(varied, key=lambda column: column.role != DRIVE)
-    stations = shown(stations_of(table))[:-3:-1]
     heights = [_POWER_HEIGHT] * len(stations) + [_SETTING_HEIGHT] * len(columns)
     width = min(_MAX_WIDTH, max(_MIN_WIDTH, 1.6 + 0.17 * len(positions)))
     title = f"Power and settings by row: {picture.campaign_name(table.attrs)}"
     subtitle = (
-        "rows in order of the run" if sort == "run" else f"rows by {stations[0].heading} power"
+        "rows in order of the run" if sort == "run" else f"rows by {stations[0].short_label} power"
     )
     if modulation := table.attrs.get("modulation"):
         subtitle += f"; modulation {modulation}"

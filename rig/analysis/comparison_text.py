@@ -108,8 +108,7 @@ def _best_lines(comparison: Comparison) -> list[str]:
             if point is None:
                 lines.append(f"  {label:<34}{side}{'-':>17}")
             else:
-                shown = (c for c in columns if c.name in point.setting)
-                setting = ", ".join(labels.point_setting(c, point) for c in shown)
+                setting = labels.point_settings(columns, point)
                 power = _format_point_power(point, station.name)
                 row = ", ".join(map(str, point.rows))
                 text = f"  {label:<34}{side}{power:>17}   row {row}: {setting}"

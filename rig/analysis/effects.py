@@ -404,13 +404,14 @@ def effects_text(by_station: tuple[Effects, ...]) -> list[str]:
 def _law_text(by_station: Sequence[Effects]) -> list[str]:
     first = by_station[0]
     headings = [f"{effects.station.short_label}, W" for effects in by_station]
+    width = max(20, *(len(heading) + 2 for heading in headings))
     of_law = f" with the law {first.law}" if first.law else ""
     lines = [
         f"Main effects{of_law} (change of power over the range of a column; negative absorbs more)",
-        f"  {'':<20} {'range':<24}" + "".join(f"{heading:>20}" for heading in headings),
+        f"  {'':<20} {'range':<24}" + "".join(f"{heading:>{width}}" for heading in headings),
     ]
     for i, effect in enumerate(first.effects):
-        cells = "".join(f"{effects.text_of(effect.column):>20}" for effects in by_station)
+        cells = "".join(f"{effects.text_of(effect.column):>{width}}" for effects in by_station)
         lines.append(f"  {i + 1}. {effect.column.label:<17} {effect.range_text:<24}{cells}")
     return [*lines, *(f"  {note}" for note in effect_notes(first))]
 

@@ -54,11 +54,13 @@ def format_setting(column: Column, value: float) -> str:
     return f"{column.label} {format_quantity(column, value)}"
 
 
-def point_setting(column: Column, point: Point) -> str:
-    """Return a column's label and its value at a point; "-" where the point's law lacks it."""
-    if column.name in point.lacking:
-        return f"{column.label} -"
-    return format_setting(column, point.setting[column.name])
+def point_settings(columns: Iterable[Column], point: Point) -> str:
+    """Return labels and values at a point as text, of the columns that its law has."""
+    return ", ".join(
+        format_setting(column, point.setting[column.name])
+        for column in columns
+        if column.name in point.setting and column.name not in point.lacking
+    )
 
 
 def format_settings(columns: Iterable[Column], settings: Mapping[str, float]) -> str:

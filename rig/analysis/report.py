@@ -311,8 +311,9 @@ def draw(run: Path, options: DrawOptions, analyse: Analyse = analyse) -> list[Pa
     if options.selects_surface:
         return [_draw_surface(table, folder, options)]
     if options.sort == "run":
-        return [write_bars(table, options.output or folder / "bars.png")]
-    return [write_bars(table, options.output or folder / "bars_by_power.png", "power")]
+        return [write_bars(table, options.output or folder / "bars.png", names=options.stations)]
+    path = options.output or folder / "bars_by_power.png"
+    return [write_bars(table, path, "power", options.stations)]
 
 
 def _draw_surface(table: xarray.Dataset, folder: Path, options: DrawOptions) -> Path:

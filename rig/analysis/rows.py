@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.analysis import calibrated
 from rig.analysis.calibrated import RECORDED
@@ -55,6 +56,7 @@ from rig.row_contents import (
     RowContents,
     column_records,
     columns_from_records,
+    is_lacking,
 )
 from rig.stations import Station, as_records, from_records
 
@@ -96,6 +98,25 @@ def columns_of(table: "xarray.Dataset") -> tuple[Column, ...]:
     """Return the matrix columns of a row table or of a sweep."""
     text, earlier = table.attrs.get(COLUMNS_ATTRIBUTE), earlier_contents().columns
     return columns_from_records(json.loads(text), earlier) if text else earlier
+
+
+def values_of_laws(table: "xarray.Dataset") -> dict[str, NDArray[np.float64]]:
+    """Return the columns of laws, NaN in each row whose law lacks the column."""
+    columns = columns_of(table)
+    chosen = {c.name: table[c.name].values for c in columns if c.choices and c.name in table}
+    settings = [
+        {name: float(numbers[i]) for name, numbers in chosen.items() if np.isfinite(numbers[i])}
+        for i in range(table.sizes.get("row", 0))
+    ]
+    return {
+        column.name: np.where(
+            [is_lacking(column, columns, setting) for setting in settings],
+            np.nan,
+            table[column.name].values,
+        )
+        for column in columns
+        if column.laws and column.name in table
+    }
 
 
 def contents_attributes(contents: RowContents) -> dict[str, str]:
@@ -461,10 +482,14 @@ def _build_dataset(
 
 
 def write_rows(table: "xarray.Dataset", folder: Path) -> list[Path]:
-    """Write ``rows.csv`` (units in the header) and ``rows.nc`` (units in the attributes)."""
+    """Write ``rows.csv`` (units in the header) and ``rows.nc`` (units in the attributes).
+
+    In ``rows.csv``, columns that a row's law lacks are NaN; ``rows.nc`` has them as they were run.
+    """
+    of_laws = values_of_laws(table)
     columns = {
         f"{name} [{unit}]" if (unit := variable.attrs.get("units")) else str(name): (
-            variable.values.tolist()
+            of_laws.get(str(name), variable.values).tolist()
         )
         for name, variable in table.variables.items()
         if SOURCE not in variable.dims  # a table has one number in a row and column

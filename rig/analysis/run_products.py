@@ -38,4 +38,4 @@ class DrawOptions(NamedTuple):
     @property
     def selects_surface(self) -> bool:
         """Whether the options are those of one surface."""
-        return bool(self.surface or self.left_out or self.stations)
+        return bool(self.surface or self.left_out or (self.stations and not self.sort))

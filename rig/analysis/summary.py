@@ -181,8 +181,8 @@ class Summary(NamedTuple):
         """Return the further settings as text; a column without effect only by its name."""
         given = [c for c in self.further if c.name in optimum.point.setting]
         effective = [c for c in given if c.name not in optimum.without_effect]
-        settings = (labels.point_setting(c, optimum.point) for c in effective)
-        parts = [f"at {', '.join(settings)}"] if effective else []
+        settings = labels.point_settings(effective, optimum.point)
+        parts = [f"at {settings}"] if settings else []
         without = [column.label for column in given if column not in effective]
         return "; ".join([*parts, f"no effect of {', '.join(without)}"] if without else parts)
 
@@ -387,10 +387,7 @@ def alike_text(optimum: Optimum, main: Sequence[Column]) -> str:
         return ""
     name = optimum.station.name
     points = [
-        f"{point.power_text(name)} at "
-        + ", ".join(
-            labels.point_setting(column, point) for column in main if column.name in point.setting
-        )
+        f"{point.power_text(name)} at {labels.point_settings(main, point)}"
         + (f" ({ENDED_EARLY})" if point.cut_rows else "")
         for point in optimum.alike[:_MAX_ALIKE]
     ]

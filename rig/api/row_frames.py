@@ -9,12 +9,19 @@ import numpy as np
 import xarray
 
 from rig.analysis.labels import format_number
-from rig.analysis.points import Matrix, Point, gain_matrix, levels, row_settings, varied_columns
-from rig.analysis.rows import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_RUN, columns_of
+from rig.analysis.points import Matrix, Point, gain_matrix, levels, varied_columns
+from rig.analysis.rows import (
+    COMPLETE,
+    INCOMPLETE,
+    INTERRUPTED,
+    NOT_RUN,
+    columns_of,
+    values_of_laws,
+)
 from rig.analysis.uncertainty import SOURCE
 from rig.recording.runs import RunInfo, reader
 from rig.recording.runs.windows import read_windows
-from rig.row_contents import Column, is_lacking
+from rig.row_contents import Column
 
 if TYPE_CHECKING:
     import pandas
@@ -39,11 +46,7 @@ def row_frame(table: xarray.Dataset) -> "pandas.DataFrame":
             continue
         values = variable.values
         columns[str(name)] = values.astype(bool) if str(name).endswith(_ALARM) else values
-    settings = row_settings(table)
-    for column in columns_of(table):
-        if column.laws and column.name in columns:
-            lacking = [is_lacking(column, columns_of(table), each) for each in settings]
-            columns[column.name] = np.where(lacking, np.nan, columns[column.name])
+    columns |= values_of_laws(table)
     for column in columns_of(table):
         if column.choices and column.name in columns:
             numbers = columns[column.name].tolist()

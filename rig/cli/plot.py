@@ -45,7 +45,10 @@ def command(
     ] = None,
     station: Annotated[
         list[str] | None,
-        typer.Option(help="Station of a surface, by id or label; repeatable."),
+        typer.Option(
+            help="Station of a surface or of bars, by id or label; repeatable. The first one "
+            "orders the bars."
+        ),
     ] = None,
     sort: Annotated[
         str | None,

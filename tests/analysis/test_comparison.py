@@ -335,11 +335,21 @@ def test_plot_as_a_command(runs: Path, tmp_path: Path) -> None:
     picture = tmp_path / "p.png"
     arguments = ["plot", "settings", "--runs", str(runs), "-o", str(picture)]
     surface = ["--surface", "switching_period", "kp", "--station", "dc"]
-    for more in (surface, [*surface, "--left-out", "bus_voltage=75"], ["--sort", "power"]):
+    bars = ["--sort", "power"]
+    drawn = {}
+    for more in (
+        surface,
+        [*surface, "--left-out", "bus_voltage=75"],
+        bars,
+        [*bars, "--station", "mechanical_1", "--station", "electrical DC"],
+    ):
         done = call(app, [*arguments, *more, "--json"])
         assert done.exit_code == 0, done.output
         assert json.loads(done.stdout) == [str(picture)]
-        assert imread(picture).std() > 0.02
+        drawn[tuple(more)] = imread(picture)
+        assert drawn[tuple(more)].std() > 0.02
+    of_the_drive, of_the_body = [*drawn.values()][2:]
+    assert not np.array_equal(of_the_drive, of_the_body)
     for more, expected in (
         (["--surface", "kp", "speed"], "no column 'speed'"),
         (
@@ -354,6 +364,7 @@ def test_plot_as_a_command(runs: Path, tmp_path: Path) -> None:
             ["--station", "shore"],
             "unknown station 'shore'; allowed mechanical (column",
         ),
+        ([*bars, "--station", "shore"], "unknown station 'shore'; allowed mechanical (column"),
         (["--sort", "size"], "allowed run, power"),
         (["--sort", "run", "-f", "power.*"], "give options of one of them"),
     ):

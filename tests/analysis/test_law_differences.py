@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 import pytest
 import xarray
 from matplotlib.figure import Figure
@@ -17,7 +18,8 @@ from rig.analysis import bars, surfaces
 from rig.analysis.effects import all_effects, effect_lines, effects_text
 from rig.analysis.law_differences import best_of_laws, law_groups, laws_json, laws_text
 from rig.analysis.points import Matrix, gain_matrix
-from rig.analysis.rows import contents_attributes
+from rig.analysis.rows import contents_attributes, stations_of, write_rows
+from rig.api.row_frames import row_frame
 from rig.kinds.wavebot.row_contents import row_contents
 
 CHOICE = laws.choice([laws.own("impedance"), laws.own("nonlinear damping")])
@@ -90,7 +92,7 @@ def test_bars_of_a_law_stand_together(
     table: xarray.Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shuffled = table.isel(row=np.random.default_rng(4).permutation(21))
-    order = bars.row_order(shuffled, "power")
+    order = bars.row_order(shuffled, "power", stations_of(shuffled)[-1])
     chosen = shuffled.isel(row=order)
     assert chosen["law"].values.tolist() == [IMPEDANCE] * 9 + [DAMPING] * 12
     for start, end in ((0, 9), (9, 21)):
@@ -103,6 +105,21 @@ def test_bars_of_a_law_stand_together(
     assert not any("law" in name for name in names)
     labels = [text.get_text() for text in figure.axes[-1].texts]
     assert labels[:2] == ["law impedance", "law nonlinear damping"]
+
+
+def test_settings_that_a_law_lacks_are_no_numbers_in_files_and_frames(
+    table: xarray.Dataset, tmp_path: Path
+) -> None:
+    """A 0 would read as a gain that was run."""
+    rows = table.assign(row=("row", np.arange(table.sizes["row"])))
+    path, _ = write_rows(rows, tmp_path)
+    written = pandas.read_csv(path)
+    damping = table["law"].values == DAMPING
+    for name, lacked in (("kp", damping), ("ki", damping), ("quadratic", ~damping)):
+        values = written[name].to_numpy()
+        assert (np.isnan(values) == lacked).all(), name
+        assert (values[~lacked] == table[name].values[~lacked]).all()
+        assert (np.isnan(row_frame(rows)[name].to_numpy()) == lacked).all()
 
 
 def test_difference_of_the_best_points_has_its_interval(table: xarray.Dataset) -> None:

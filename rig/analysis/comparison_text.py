@@ -153,7 +153,7 @@ def _mean_lines(comparison: Comparison) -> list[str]:
     ]
     for station in comparison.stations:
         mean = format_difference(mean_difference(pairs, station.name))
-        lines.append(f"  {station.label:<32}{mean:>18}")
+        lines.append(f"  {station.label:<34}{mean:>18}")
     return lines
 
 

@@ -67,7 +67,11 @@ def _run_details(figure: Figure, summary: Summary) -> float:
         "Sea": summary.sea,
         "Rig": summary.rig,
         "Start": summary.started_utc,
-        **({"Resumed": ", ".join(summary.resumed_utc)} if summary.resumed_utc else {}),
+        **(
+            {summary.next_stages.capitalize(): ", ".join(summary.resumed_utc)}
+            if summary.resumed_utc
+            else {}
+        ),
         "End": summary.ended_utc,
         **({"Rig time": summary.rig_time_text} if summary.rig_time_text else {}),
         "Host": summary.host,

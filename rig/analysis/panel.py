@@ -129,9 +129,11 @@ _ALIKE: dict[str, Any] = {
 
 _CUT: dict[str, Any] = {
     **{"ls": "", "marker": "v", "mfc": "white", "mec": DARK, "mew": 1.1},
-    **{"clip_on": False, "zorder": 4.5},
+    **{"clip_on": False, "zorder": 5.5},
 }
-"""A hollow triangle in place of the dot: a row there ended because it could not be the best."""
+"""A hollow triangle in place of the dot, above the star of a best point: a row there ended because
+it could not be the best.
+"""
 
 
 def _cut_size() -> float:

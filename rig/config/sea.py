@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
 from rig.config.problems import format_number
 
 MIN_AMPLITUDE_M, MAX_AMPLITUDE_M = 0.001, 0.5  # of a regular sea
@@ -15,6 +15,7 @@ _NOT_TP = "a regular sea has frequency_hz or period_s; tp_s belongs to an irregu
 _NOT_AMPLITUDE = "an irregular sea is given by hs_m, a regular one by its amplitude"
 _NOT_FREQUENCY = "an irregular sea has tp_s; frequency_hz and period_s belong to a regular one"
 _NOT_HS_OF_LINES = "the height of a pink or multisine sea is hm0_m or rms_m"
+_SEVERAL_SEEDS = "several seeds are a key of the campaign, beside `sea`: seed: [1, 2, 3]"
 _NOT_OF_A_BAND = "the band of a pink or multisine sea is low_hz and high_hz"
 
 Height = Annotated[float, Field(ge=0.001, le=1)]
@@ -25,6 +26,16 @@ Repeat = Annotated[float, Field(ge=10, le=3600)]
 
 Seed = Annotated[WholeNumber, Field(ge=0, le=4_294_967_295)]
 """Seed of random phases."""
+
+
+def _one_seed(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        raise rule_error(_SEVERAL_SEEDS)
+    return value
+
+
+SeedOfSea = Annotated[Seed, BeforeValidator(_one_seed)]
+"""Seed of random phases in the sea itself."""
 
 Seeds = Annotated[
     Annotated[Seed, Tag("one")]
@@ -90,9 +101,10 @@ class JonswapSea(FileModel):
     tp_s: float = Field(ge=0.5, le=20)  # peak period
     gamma: float = Field(default=3.3, ge=1, le=7)  # peak enhancement factor
     repeat_s: Repeat = 300.0
-    seed: Seed | None = None  # the campaign's if missing
+    seed: SeedOfSea | None = None  # the campaign's if missing
 
     foreign_keys: ClassVar[dict[str, str]] = {
+        "seeds": _SEVERAL_SEEDS,
         "amplitude_m": _NOT_AMPLITUDE,
         "frequency_hz": _NOT_FREQUENCY,
         "period_s": _NOT_FREQUENCY,
@@ -123,11 +135,12 @@ class BandSea(FileModel):
     low_hz: float = Field(default=0.2, ge=0.05, le=2)  # lower end of the band
     high_hz: float = Field(default=1.0, ge=0.05, le=2)  # upper end of the band
     repeat_s: Repeat = 300.0
-    seed: Seed | None = None  # the campaign's if missing
+    seed: SeedOfSea | None = None  # the campaign's if missing
     realisation: WholeNumber = Field(default=1, ge=1, le=1000)  # number of the draw of phases
     largest_m: float | None = Field(default=None, ge=0.001, le=1)  # maximum elevation, if checked
 
     foreign_keys: ClassVar[dict[str, str]] = {
+        "seeds": _SEVERAL_SEEDS,
         "hs_m": _NOT_HS_OF_LINES,
         "amplitude_m": _NOT_HS_OF_LINES,
         "tp_s": _NOT_OF_A_BAND,

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, Locator, MaxNLocator
 
 from rig.analysis import panel
 from rig.analysis.points import Matrix, gain_matrix
@@ -29,7 +29,8 @@ from rig.stations import shown, station_names
 
 _MAX_COLUMNS = 4  # of panels side by side
 _MAX_TICKS = 6
-_LABEL_GAP = 0.035  # of the range of the lines' ends, between two labels
+_MIN_TICK_SPACING = 0.12  # of the range of the values, between two ticks
+_LABEL_GAP = 0.05  # of the range of a panel's lines, between two labels
 _MAX_LINES = 40  # of one panel; more cannot be distinguished
 
 
@@ -261,9 +262,17 @@ def _write_lines(
                 axes.set_ylabel(f"{station.short_label}, W", fontsize=8)
             if i == len(stations) - 1:
                 axes.set_xlabel(_axis_label(table, name), fontsize=8)
-            axes.xaxis.set_major_locator(MaxNLocator(_MAX_TICKS, integer=is_seed(name)))
+            axes.xaxis.set_major_locator(_locator(table[name].values, is_seed(name)))
             axes.yaxis.set_major_locator(MaxNLocator(_MAX_TICKS))
     return picture.save(figure, path)
+
+
+def _locator(values: Any, whole: bool) -> Locator:
+    """Return ticks at the values of a parameter, or round ones where these lack room."""
+    own = np.unique(values)
+    if 1 < len(own) <= _MAX_TICKS and np.diff(own).min() > _MIN_TICK_SPACING * np.ptp(own):
+        return FixedLocator(own)
+    return MaxNLocator(_MAX_TICKS, integer=whole)
 
 
 def _plot_rows(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name: str) -> None:
@@ -275,7 +284,9 @@ def _plot_rows(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name:
     thinned = np.argsort(lowest)[:_MAX_LINES]
     for row in thinned:
         axes.plot(x[order], values[order, row], join or ".", color=MUTED, lw=0.6, ms=3, alpha=0.7)
-    _label_rows(axes, x[order][-1], values[order[-1]], table["row"].values, thinned)
+    shown_values = values[:, thinned][np.isfinite(values[:, thinned])]
+    gap = _LABEL_GAP * np.ptp(shown_values) if len(shown_values) else 0.0
+    _label_rows(axes, x[order][-1], values[order[-1]], table["row"].values, thinned, gap)
     axes.plot(x[order], values[order, best], f"o{join}", color=DARK, lw=1.4, ms=3.5)
     end = int(np.nanargmin(np.where(np.isfinite(values[:, best]), values[:, best], np.inf)))
     panel.mark_best(axes, float(x[end]), float(values[end, best]))
@@ -293,13 +304,9 @@ def _plot_rows(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name:
     axes.margins(0.08, 0.16)
 
 
-def _label_rows(axes: Axes, x: float, values: Any, rows: Any, thinned: Any) -> None:
-    """Label the lines with their rows at the right end, as far as the labels have room."""
-    ends = [place for place in thinned if np.isfinite(values[place])]
-    if not ends:
-        return
-    low, high = (float(end(values[ends])) for end in (np.min, np.max))
-    gap, below = _LABEL_GAP * (high - low), -np.inf
+def _label_rows(axes: Axes, x: float, values: Any, rows: Any, thinned: Any, gap: float) -> None:
+    """Label the lines with their rows at the right end, at least ``gap`` (W) apart."""
+    ends, below = [place for place in thinned if np.isfinite(values[place])], -np.inf
     for place in sorted(ends, key=lambda each: values[each]):
         if values[place] - below > gap:
             axes.annotate(

@@ -72,6 +72,37 @@ def test_match_is_that_of_the_bem_file(campaign: Path) -> None:
     assert match["kp"] == pytest.approx(-resistance, rel=0.01)
     assert match["ki"] == pytest.approx(-omega * reactance, rel=0.01)
     assert match["kp_real"] == pytest.approx(-np.hypot(resistance, reactance), rel=0.01)
+
+
+@pytest.mark.parametrize(("kp", "ki"), [(-1.0, 0.0), (0.0, 5.0), (-0.01, 0.01)])
+def test_gains_of_a_wrong_unit_are_a_warning(
+    campaign: Path, tmp_path: Path, kp: float, ki: float
+) -> None:
+    """In kN*s/m; one row at the match is enough for none, and so are rows without gains."""
+    shutil.copytree(campaign.parent, tmp_path, dirs_exist_ok=True)
+    file = tmp_path / campaign.name
+    text = file.read_text()
+    assert GAINS in text
+    head = text.replace(GAINS, "matrix:\n  list:\n")
+
+    def messages(*rows: tuple[float, float]) -> list[str]:
+        lines = (f"    - {{kp_n_s_per_m: {a}, ki_n_per_m: {b}}}\n" for a, b in rows)
+        file.write_text(head + "".join(lines))
+        report = run_rig("check", file)
+        return [w["message"] for w in report["warnings"] if "impedance" in w["message"]]
+
+    (message,) = messages((kp, ki), (0.1 * kp, ki))
+    opened, _ = open_campaign_plan(campaign)
+    impedance = -impedance_match(opened)["kp_real"]
+    assert f"of the plant's impedance, {impedance:.4g} N*s/m" in message
+    force = float(re.findall(r"of all rows, (\S+) N", message)[0])
+    share = float(re.findall(r"is (\S+) % of", message)[0])
+    assert force == pytest.approx(
+        np.hypot(kp, ki / (2.0 * np.pi * opened.file.sea.frequency)), rel=0.01
+    )
+    assert share == pytest.approx(100.0 * force / impedance, rel=0.06)
+    assert messages((kp, ki), (-impedance, 0.0)) == []
+    assert messages((0.0, 0.0)) == []
     irregular = opened.file.model_copy(update={"sea": None})
     assert impedance_match(opened._replace(file=irregular)) == {}
 

@@ -3,11 +3,15 @@
 import numpy as np
 
 from rig.campaign import AnyCampaign
+from rig.config.problems import Problem, format_number
 from rig.config.sea import RegularSea
 from rig.kinds.modular.rehearsal.job import load_model
+from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import ConfigSource
 from sim_plant.modes import building, radiation
 from sim_plant.modes.building import PlantModel
+
+WEAK = 0.01  # of the plant's impedance: such gains change next to nothing
 
 
 def impedance_match(campaign: AnyCampaign) -> dict[str, float]:
@@ -29,6 +33,30 @@ def impedance_match(campaign: AnyCampaign) -> dict[str, float]:
     omega = 2.0 * np.pi * sea.frequency
     z = axis_impedance(model, omega)
     return {"kp": -z.real, "ki": -omega * z.imag, "kp_real": -abs(z)}
+
+
+def weak_gains(campaign: AnyCampaign) -> tuple[Problem, ...]:
+    """Return a warning if all gains are far below the plant's impedance, as in a wrong unit.
+
+    Empty without gains, and where `impedance_match` has nothing to compare them with.
+    """
+    match, gains = impedance_match(campaign), ("kp", "ki", "km")
+    if not match:
+        return ()
+    omega = 2.0 * np.pi * campaign.file.sea.frequency
+    settings = [[point.values.get(name, 0.0) for name in gains] for point in campaign.points]
+    largest = max(abs(kp + 1j * (omega * km - ki / omega)) for kp, ki, km in settings)
+    (axis,), impedance = campaign.rig.axes.values(), -match["kp_real"]
+    if largest == 0.0 or largest >= WEAK * impedance:
+        return ()
+    unit = "N*m*s/rad" if axis.motion == ROTATION else "N*s/m"
+    message = (
+        f"the largest force per velocity of all rows, {largest:.3g} {unit}, is "
+        f"{100.0 * largest / impedance:.2g} % of the plant's impedance, {impedance:.4g} {unit} at "
+        f"{format_number(campaign.file.sea.frequency)} Hz: the rows hardly differ from none; are "
+        f"the gains in {unit}?"
+    )
+    return (campaign.locate.problem(("matrix",), largest, message),)
 
 
 def axis_impedance(model: PlantModel, omega: float) -> complex:

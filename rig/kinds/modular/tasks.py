@@ -18,7 +18,7 @@ from rig.kinds.modular.campaign import CampaignFile
 from rig.kinds.modular.checks import check
 from rig.kinds.modular.equilibrium import equilibrium_check
 from rig.kinds.modular.free_motion import free_motion_warnings
-from rig.kinds.modular.match import impedance_match
+from rig.kinds.modular.match import impedance_match, weak_gains
 from rig.kinds.modular.plant_checks import UNEXCITED, plant_warnings, sea_finding, still_axes
 from rig.kinds.modular.rehearsal.job import bem_path, campaign_settings
 from rig.kinds.modular.row_contents import axis_channels, row_contents
@@ -52,6 +52,7 @@ def examine(
     plant_warnings = (
         *_plant_warnings(campaign),
         *free_motion_warnings(campaign),
+        *weak_gains(campaign),
         *(problem for problem, _ in unstable),
     )
     return report._replace(

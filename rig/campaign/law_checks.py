@@ -154,14 +154,23 @@ def _unit_message(entry: Column | Parameter) -> str:
     return f"{message}: {note}" if note else message
 
 
-def reference_problems(parts: CampaignParts) -> Iterator[Problem]:
-    """Yield the problem of a valid reference that does not repeat at the rig's rate."""
-    reference = valid_key(parts.campaign, "reference", _REFERENCE)
+def reference_problems(parts: CampaignParts, rotates: Mapping[str, bool]) -> Iterator[Problem]:
+    """Yield each problem of a valid reference with its rig.
+
+    It must repeat at the rig's rate, and only an axis that ``rotates`` has a torque in N*m. The
+    first of these axes is that of a reference without one.
+    """
+    reference, campaign = valid_key(parts.campaign, "reference", _REFERENCE), parts.campaign.locate
+    if reference is None:
+        return
+    axis, (key, unit) = reference.axis or next(iter(rotates), ""), reference.quantity
+    if unit == "N*m" and rotates.get(axis) is False:
+        message = f"{axis} does not rotate; allowed a force in N or a current in A"
+        yield campaign.problem(("reference", key), getattr(reference, key), message)
     try:
-        if reference is not None:
-            repeat_ticks(reference, parts.rate_hz or DEFAULT_RATE_HZ)
+        repeat_ticks(reference, parts.rate_hz or DEFAULT_RATE_HZ)
     except ValueError as error:
-        yield parts.campaign.locate.problem(("reference",), None, str(error))
+        yield campaign.problem(("reference",), None, str(error))
 
 
 def law_key(axis_laws: Mapping[str, AxisLaw], axis: str) -> KeyPath:

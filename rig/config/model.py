@@ -57,12 +57,13 @@ class FileModel(BaseModel):
         """Return the violation of a rule by the value of a key."""
         return RuleViolation((key,), message, getattr(self, key))
 
-    def check_one_of(self, first: str, second: str, missing: str) -> Iterator[RuleViolation]:
-        """Check that exactly one of two keys is given; ``missing``: the message for neither."""
-        if getattr(self, first) is None and getattr(self, second) is None:
+    def check_one_of(self, *keys: str, missing: str) -> Iterator[RuleViolation]:
+        """Check that exactly one of the keys is given; ``missing``: the message for none."""
+        given = [key for key in keys if getattr(self, key) is not None]
+        if not given:
             yield RuleViolation((), missing)
-        elif None not in (getattr(self, first), getattr(self, second)):
-            yield self.violation(second, f"{first} is given already; allowed one of the two")
+        for key in given[1:]:
+            yield self.violation(key, f"{given[0]} is given already; allowed one of them")
 
     def check_below(self, low: str, high: str) -> Iterator[RuleViolation]:
         """Check that the value of key ``low`` is below that of key ``high``."""

@@ -1,7 +1,8 @@
 """The open-loop reference of a campaign: a periodic force in addition to the feedback of the laws.
 
 A reference excites one axis. Its amplitude is the greatest magnitude of the whole signal, given as
-drive current, as in the MASK4 test (10 A is 770 N on the body), or as force.
+drive current, as in the MASK4 test (10 A is 770 N on the body), as force, or as the torque about an
+axis that rotates.
 """
 
 import math
@@ -18,7 +19,8 @@ from rig.config.problems import format_number
 MAX_REPEAT_S = 3600
 """Maximum repeat period of a reference, s."""
 
-Amplitude = Annotated[float, Field(gt=0, le=40)]
+Amplitude = Annotated[float, Field(gt=0, le=1000)]
+ForceAmplitude = Annotated[float, Field(gt=0, le=1e6)]
 Frequency = Annotated[float, Field(ge=0.02, le=5)]
 Band = Annotated[float, Field(ge=0.01, le=5)]
 RepeatPeriod = Annotated[float, Field(ge=1, le=MAX_REPEAT_S)]
@@ -37,30 +39,37 @@ class _Stimulus(FileModel):
 
     axis: str = ""  # a campaign file fills in the first axis of its rig
     amplitude_a: Amplitude | None = None
-    """Greatest magnitude of the whole signal, as motor current; or give amplitude_n."""
-    amplitude_n: float | None = Field(default=None, gt=0, le=4000)
-    """Greatest magnitude of the whole signal, as force on the body; or give amplitude_a."""
+    """Greatest magnitude of the whole signal, as motor current."""
+    amplitude_n: ForceAmplitude | None = None
+    """The same as force on the body, in place of amplitude_a."""
+    amplitude_n_m: ForceAmplitude | None = None
+    """The same as torque about an axis that rotates."""
 
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that exactly one amplitude is given."""
-        missing = "amplitude missing; allowed amplitude_a 0 .. 40 A or amplitude_n 0 .. 4000 N"
-        yield from self.check_one_of("amplitude_a", "amplitude_n", missing)
+        missing = (
+            "amplitude missing; allowed amplitude_a 0 .. 1000 A, or amplitude_n 0 .. 1e+06 N, of a "
+            "rotating axis amplitude_n_m 0 .. 1e+06 N*m"
+        )
+        keys = ("amplitude_a", "amplitude_n", "amplitude_n_m")
+        yield from self.check_one_of(*keys, missing=missing)
 
     def force_amplitude(self, newtons_per_ampere: float) -> float:
-        """Return the amplitude as force on the body, N; the factor is Kt N of the axis."""
-        if self.amplitude_n is not None:
-            return self.amplitude_n
-        assert self.amplitude_a is not None
-        return self.amplitude_a * newtons_per_ampere
+        """Return the amplitude as force on the body, N, or torque, N*m; the factor is Kt N."""
+        key, unit = self.quantity
+        amplitude: float = getattr(self, key)
+        return amplitude * newtons_per_ampere if unit == "A" else amplitude
+
+    @property
+    def quantity(self) -> tuple[str, str]:
+        """Key and unit of the amplitude."""
+        units = {"amplitude_a": "A", "amplitude_n": "N", "amplitude_n_m": "N*m"}
+        return next((key, units[key]) for key in units if getattr(self, key) is not None)
 
     def amplitude_description(self) -> str:
         """Return axis and amplitude as text."""
-        amplitude = (
-            f"{format_number(self.amplitude_n)} N"
-            if self.amplitude_n is not None
-            else f"{format_number(self.amplitude_a or 0.0)} A"
-        )
-        return f"{self.axis}, {amplitude} at most"
+        key, unit = self.quantity
+        return f"{self.axis}, {format_number(getattr(self, key))} {unit} at most"
 
 
 class SineReference(_Stimulus):
@@ -257,7 +266,7 @@ class RecordedReference(FileModel):
     channel: str = Field(min_length=1)  # column of the file
     start_s: float = Field(default=0.0, ge=0, le=1e6)  # beginning of the part of the record
     end_s: float = Field(gt=0, le=1e6)  # end of the part of the record
-    unit: Literal["A", "N"]  # of the channel
+    unit: Literal["A", "N", "N*m"]  # of the channel; N*m of an axis that rotates
     rate_hz: float | None = Field(default=None, ge=1, le=10_000)  # checked against the time column
 
     def check_rules(self) -> Iterator[RuleViolation]:
@@ -275,6 +284,11 @@ class RecordedReference(FileModel):
     def period(self) -> float:
         """Repeat period of the force, s."""
         return self.end_s - self.start_s
+
+    @property
+    def quantity(self) -> tuple[str, str]:
+        """Key and value of the unit."""
+        return "unit", self.unit
 
     def description(self) -> str:
         """Return one line of text."""

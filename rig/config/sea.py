@@ -70,7 +70,7 @@ class RegularSea(FileModel):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that exactly one of frequency and period is given."""
         missing = "frequency missing; allowed frequency_hz 0.05 .. 2 Hz or period_s 0.5 .. 20 s"
-        yield from self.check_one_of("frequency_hz", "period_s", missing)
+        yield from self.check_one_of("frequency_hz", "period_s", missing=missing)
 
     @property
     def frequency(self) -> float:
@@ -151,7 +151,7 @@ class BandSea(FileModel):
     def check_rules(self) -> Iterator[RuleViolation]:
         """Check that one height is given and that the band contains a multiple of 1/repeat."""
         missing = "height missing; allowed hm0_m 0.001 .. 1 m or rms_m 0.00025 .. 0.25 m"
-        yield from self.check_one_of("hm0_m", "rms_m", missing)
+        yield from self.check_one_of("hm0_m", "rms_m", missing=missing)
         first, last = self.low_hz * self.repeat_s, self.high_hz * self.repeat_s
         if math.floor(last + 1e-6) < math.ceil(first - 1e-6):
             yield self.violation(

@@ -271,7 +271,7 @@ def _locator(values: Any, whole: bool) -> Locator:
     """Return ticks at the values of a parameter, or round ones where these lack room."""
     own = np.unique(values)
     if 1 < len(own) <= _MAX_TICKS and np.diff(own).min() > _MIN_TICK_SPACING * np.ptp(own):
-        return FixedLocator(own)
+        return FixedLocator(own.tolist())
     return MaxNLocator(_MAX_TICKS, integer=whole)
 
 

@@ -40,7 +40,8 @@ def lines(values: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("keys", "newtons"), [({"amplitude_a": 10}, 769.8), ({"amplitude_n": 500.0}, 500.0)]
+    ("keys", "newtons"),
+    [({"amplitude_a": 10}, 769.8), ({"amplitude_n": 500.0}, 500.0), ({"amplitude_n_m": 9.0}, 9.0)],
 )
 @pytest.mark.parametrize(
     "kind",
@@ -200,7 +201,11 @@ MULTISINE = {"kind": "multisine", "amplitude_a": 10, **BAND}
     ("reference", "column", "keys", "expected"),
     [
         ({"kind": "sine", "frequency_hz": 0.5}, {}, {}, "amplitude missing"),
-        ({**MULTISINE, "amplitude_n": 5}, {}, {}, "allowed one of the two"),
+        ({**MULTISINE, "amplitude_n": 5}, {}, {}, "allowed one of them"),
+        (
+            {"kind": "multisine", "amplitude_n_m": 5, **BAND}, {}, {},
+            "heave does not rotate; allowed a force in N or a current in A",
+        ),
         (
             {"kind": "stepped sine", "amplitude_a": 1, "frequencies_hz": [0.25], "hold_s": 10},
             {}, {}, "the nearest that does is 0.2 Hz",

@@ -12,7 +12,8 @@ import pytest
 from command_here import rig as rig_here
 from test_modular_identification import change, write_rig
 
-from rig.kinds.modular.checks import check
+from rig.kinds.modular.build import campaign_params
+from rig.kinds.modular.checks import check, reference_warnings
 from rig.kinds.modular.free_motion import decay_time, free_motion_warnings, poles
 from rig.kinds.modular.match import axis_impedance
 from rig.kinds.modular.rehearsal.job import load_model
@@ -71,6 +72,29 @@ def test_a_remainder_above_a_thousandth_is_a_warning(heave: Path) -> None:
     settle(heave, 20)
     code, output, _ = rig_here("check", heave / "cylinder" / "campaign.yaml")
     assert "of the free motion remains" in " ".join(output.split())
+
+
+@pytest.mark.parametrize("dof", ["Heave", "Pitch"])
+def test_the_amplitude_has_the_unit_of_the_axis(tmp_path: Path, dof: str) -> None:
+    """N*m of a rotating axis. A file of 1.0 with N there runs as before, with a warning."""
+    campaigns = {}
+    for key in ("amplitude_n", "amplitude_n_m"):
+        reference = {"kind": "multisine", "repeat_s": 20, key: 5.0, "seed": 5}
+        write_rig(tmp_path / key, dof=dof, reference=reference)
+        report = check(tmp_path / key / "cylinder" / "campaign.yaml")
+        if (dof, key) == ("Heave", "amplitude_n_m"):
+            (problem,) = report.problems
+            assert problem.key == "reference.amplitude_n_m"
+            assert problem.message.startswith("heave does not rotate")
+            return
+        assert report.campaign is not None
+        assert report.plan is not None
+        warnings = [*reference_warnings(report.campaign)]
+        assert len(warnings) == (dof == "Pitch" and key == "amplitude_n")
+        assert all("write amplitude_n_m" in each.message for each in warnings)
+        campaigns[key] = campaign_params(report.campaign, report.plan).rig.reference.table
+    assert campaigns["amplitude_n"] == campaigns["amplitude_n_m"]
+    assert max(map(abs, campaigns["amplitude_n_m"])) == pytest.approx(5.0, rel=1e-3)
 
 
 def test_a_law_that_acts_on_the_motion_is_not_judged(heave: Path) -> None:

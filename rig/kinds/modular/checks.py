@@ -14,6 +14,7 @@ from rig.kinds.modular.campaign import CAMPAIGNS
 from rig.kinds.modular.config import RigFile
 from rig.kinds.modular.plant_checks import MOSTLY_UNEXCITED, sea_finding
 from rig.kinds.modular.rehearsal import job
+from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import FileReader
 
 _SEED = 0  # of a sea; its spectrum does not depend on it
@@ -45,7 +46,8 @@ def problems(parts: CampaignParts) -> tuple[Problem, ...]:
     """Return all problems that would keep loop or plant from starting."""
     rig = FileReader().validated(parts.rig, RigFile)
     ramps = {name: axis.gain_ramp_s for name, axis in rig.axes.items()} if rig else {}
-    found = [*(law_problems(parts, ramps) if rig else ()), *reference_problems(parts)]
+    rotates = {name: axis.motion == ROTATION for name, axis in rig.axes.items()} if rig else {}
+    found = [*(law_problems(parts, ramps) if rig else ()), *reference_problems(parts, rotates)]
     model = None
     if parts.plant is not None:
         locate = None if parts.rig is None else parts.rig.locate
@@ -62,6 +64,18 @@ def problems(parts: CampaignParts) -> tuple[Problem, ...]:
     if share > MOSTLY_UNEXCITED:
         waves.append(campaign.problem(("sea",), sea.description(), message))
     return (*found, *waves)
+
+
+def reference_warnings(campaign: AnyCampaign) -> Iterator[Problem]:
+    """Yield a warning of a torque that is given by a key of forces."""
+    reference = campaign.file.reference
+    if reference is None or campaign.rig.axes[reference.axis].motion != ROTATION:
+        return
+    key, unit = reference.quantity
+    if unit == "N":
+        value = "unit: N*m" if key == "unit" else "amplitude_n_m"
+        message = f"{reference.axis} rotates, so this is a torque in N*m: write {value}"
+        yield campaign.locate.problem(("reference", key), getattr(reference, key), message)
 
 
 def _lacks_record(parts: CampaignParts) -> bool:

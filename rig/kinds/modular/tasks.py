@@ -15,7 +15,7 @@ from rig.design.axis_params import newtons_per_ampere
 from rig.emulation.campaign_sea import campaign_sea, sea_record
 from rig.kinds.modular.build import campaign_composition, campaign_params
 from rig.kinds.modular.campaign import CampaignFile
-from rig.kinds.modular.checks import check
+from rig.kinds.modular.checks import check, reference_warnings
 from rig.kinds.modular.equilibrium import equilibrium_check
 from rig.kinds.modular.free_motion import free_motion_warnings
 from rig.kinds.modular.match import impedance_match, weak_gains
@@ -53,6 +53,7 @@ def examine(
         *_plant_warnings(campaign),
         *free_motion_warnings(campaign),
         *weak_gains(campaign),
+        *reference_warnings(campaign),
         *(problem for problem, _ in unstable),
     )
     return report._replace(

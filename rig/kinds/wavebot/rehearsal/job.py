@@ -76,7 +76,7 @@ def problems(pieces: CampaignParts) -> tuple[Problem, ...]:
     heave = valid_key(pieces.rig, "heave", _HEAVE)
     ramp = heave.gain_ramp_s if heave is not None else _DEFAULT_RAMP_S
     found = [*_estimator_problems(pieces, heave), *law_problems(pieces, {"heave": ramp})]
-    found += reference_problems(pieces)
+    found += reference_problems(pieces, dict.fromkeys(CampaignFile.reference_axes, False))
     bem = None
     if pieces.plant is not None:
         reader = FileReader()

@@ -33,7 +33,7 @@ ROOMS = {
     "config": ("RigFile", "LimitsFile"),
     "recorded": ("recorded_task",),
     "hardware.job": ("build_job",),
-    "rehearsal.emulation": ("emulate_rig", "emulate_task"),
+    "rehearsal.emulation": ("emulate_rig", "emulate_task", "build_devices"),
     "tasks": ("TaskFile", "examine", "execution_task", "rehearsal_mode", "wired_mode"),
     "display": ("show_report", "plan_position", "detail_lines", "short_text", "total_duration"),
     "products": ("PROGRESS", "NO_PRODUCTS", "after_run", "summarise", "draw"),

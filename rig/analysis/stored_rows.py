@@ -2,15 +2,16 @@
 
 A table depends on the record, the recorded plan and configuration, the status of the run, and the
 code that computes it. A stored table names all of these as they were, and is current where they are
-the same now. Calibrations change a table, so theirs is always computed; so is that of a run in
-progress, and every table by code with local changes.
+the same now. Calibrations change a table, so theirs is always computed, as that of a run in
+progress. A table by code with local changes is not stored; a process keeps its newest one.
 """
 
 import json
 import os
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rig.analysis.rows import row_table
 from rig.recording import provenance
@@ -36,20 +37,29 @@ def current_table(
     folder = Path(run)
     if calibrations or incomplete_rows or not folder.is_dir():
         return row_table(run, calibrations, incomplete_rows=incomplete_rows)
-    source = _source(folder)
+    code = provenance.describe_code()
+    source = _source(folder, code)
     if not source:
         return row_table(run)
+    if code["dirty"]:  # its next changes will not show in `source`, so it is not stored
+        return computed_table(folder.resolve(), source).copy()
     stored = _read(folder / ROWS)
     if stored is not None and stored.attrs.get(COMPUTED_FROM) == source:
         return stored
-    table = row_table(run)
+    table = computed_table(folder.resolve(), source)
     return table.assign_attrs({COMPUTED_FROM: source, ORDER: json.dumps([*table.variables])})
 
 
-def _source(folder: Path) -> str:
-    """Return all on which a table depends as text; empty if no table can be kept."""
-    status, code = read_json(folder / STATUS), provenance.describe_code()
-    if status.get("status", "running") == "running" or code["dirty"]:
+@lru_cache(maxsize=1)
+def computed_table(folder: Path, source: str) -> "xarray.Dataset":
+    """Compute the table of a run; that of the same ``source`` again costs nothing."""
+    return row_table(folder)
+
+
+def _source(folder: Path, code: dict[str, Any]) -> str:
+    """Return all on which a table depends as text; empty for a run that goes on."""
+    status = read_json(folder / STATUS)
+    if status.get("status", "running") == "running":
         return ""
     files = [*mcap_files(folder), *(folder / name for name in (CONFIG, PLAN))]
     stats = {each.name: each.stat() for each in files if each.is_file()}

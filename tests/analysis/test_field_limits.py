@@ -11,7 +11,7 @@ import pytest
 
 import rig as rig_package
 from rig import log_fields
-from rig.analysis.limits import Bound, BoundedValues, find_bounds
+from rig.analysis.limits import Bound, BoundedValues, find_bounds, running_mean
 from rig.config.law_settings import IMPEDANCE
 from rig.config.yaml_source import load_mapping
 from rig.kinds.modular.build import composition
@@ -147,6 +147,17 @@ def test_the_rms_is_that_of_the_loop() -> None:
     limit = FieldLimit("x", "heave.command.current", quantity=RMS)
     found = values_of(limit, [{"heave.command.current": 3.0}] * 2000, blocks=7)
     assert found[-1] == pytest.approx(3.0 * np.sqrt(1.0 - (1.0 - 1e-4) ** 2000), rel=1e-4)
+
+
+@pytest.mark.parametrize("weight", [1e-6, 1e-4, 0.013, 0.49, 0.5, 0.8, 1.0])
+def test_running_means_are_those_value_by_value(weight: float) -> None:
+    """Within the rounding of some thousand additions."""
+    values = np.random.default_rng(8).exponential(20.0, 5000)
+    mean, expected = 3.0, []
+    for value in values:
+        mean += weight * (value - mean)
+        expected.append(mean)
+    assert running_mean(values, weight, 3.0) == pytest.approx(np.array(expected), rel=1e-12)
 
 
 def test_a_record_of_another_version_is_read_as_far_as_it_goes() -> None:

@@ -37,6 +37,8 @@ def run(tmp_path: Path) -> Path:
 
 
 def is_computed(run: Path, **options: Any) -> bool:
+    """Return whether a process that knows no table computes one."""
+    stored_rows.computed_table.cache_clear()
     with mock.patch.object(stored_rows, "row_table", wraps=row_table) as computed:
         current_table(run, **options)
     return bool(computed.called)
@@ -87,6 +89,22 @@ def test_a_table_is_computed_anew_by_other_code_and_for_another_state(
         code = {**CODE, **change}
         monkeypatch.setattr("rig.recording.provenance.describe_code", lambda code=code: code)
         assert is_computed(run)
+
+
+def test_a_process_computes_a_table_by_changed_code_once(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = {**CODE, "dirty": True}
+    monkeypatch.setattr("rig.recording.provenance.describe_code", lambda: code)
+    assert is_computed(run)
+    with mock.patch.object(stored_rows, "row_table", wraps=row_table) as computed:
+        table = current_table(run)
+        assert not computed.called
+        table.attrs["changed"] = 1
+        assert "changed" not in current_table(run).attrs
+        later(run / "run.mcap")
+        xarray.testing.assert_equal(current_table(run), table)
+        assert computed.called
 
 
 def test_a_table_with_withheld_rows_is_never_taken_for_the_plain_one(run: Path) -> None:

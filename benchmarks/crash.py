@@ -26,13 +26,19 @@ from benchmarks.support.wired_rigs import WIRED_RIGS
 MAX_SECONDS_LOST = 1.0
 SEED = 20_240_601  # of the random targets and moments
 TARGETS = ("logger", "loop", SUPERVISOR, *PAIRS, ALL)
+_LATEST_VIRTUAL = 0.6  # s
 VIRTUAL, REAL = "rehearsal", "rehearsal on the real clock"
 
 
 def kill_rehearsals(
     folder: Path, each: int, latest: float, *, real_clock: bool
 ) -> list[KillOutcome]:
-    """Kill every target ``each`` times, up to ``latest`` s after a run's first tick or start."""
+    """Kill every target ``each`` times, up to ``latest`` s after a run's first tick or start.
+
+    A rehearsal on the virtual clock is over in some seconds, so there it is earlier.
+    """
+    if not real_clock:
+        latest = min(latest, _LATEST_VIRTUAL)
     rng = random.Random(SEED + real_clock)
     kills = [kill for target in TARGETS for kill in draw_kills(rng, each, (target,), latest)]
     rng.shuffle(kills)

@@ -13,6 +13,7 @@ from benchmarks.support.recorded import ROOT, build_loop_parts, write_campaign_f
 from benchmarks.support.result import Result, figure, ratios
 
 MAX_DEFAULT_S = 12.0
+MIN_DEFAULT_RATIO = 6.0  # of `rig run` with an interpreted loop to that without
 MIN_RATIO, MIN_TIMES_REAL = 15.0, 200.0  # of a rehearsal to an interpreted one; of one core
 DEFAULT = ROOT / "configs" / "campaigns" / "default.yaml"
 
@@ -56,10 +57,10 @@ def measure_speed(
     )
 
 
-def time_run(task: Path, runs: Path) -> float:
+def time_run(task: Path, runs: Path, *options: str) -> float:
     """Return the wall time (s) of `rig run` of a task, products and pictures included."""
     began = time.monotonic()
-    command = [*rig_command(), "run", str(task), "--runs", str(runs), "--json"]
+    command = [*rig_command(), "run", str(task), "--runs", str(runs), "--json", *options]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"rig run ended with {done.returncode}: {done.stderr}{done.stdout}")
@@ -95,16 +96,23 @@ def measure(short: bool) -> Result:
         finally:
             os.sched_setaffinity(0, set(cores))
         whole = [time_run(task, folder / f"whole{i}") for i in range(repetitions)]
+        whole_slow = time_run(task, folder / "whole_slow", "--interpreted")
+        whole.append(time_run(task, folder / "whole"))
     return Result(
         "rehearsal",
         "full rehearsal with plant and log, first tick to last row on disk; `rig run` as a whole",
         f"{repetitions} rehearsals of {plan.duration:g} s on one core, interpreted ones of "
-        f"{interpreted_s:g} s and ones on {len(cores)} cores, alternating; {repetitions} x "
-        f"`rig run` of {task.stem}, compiled before",
+        f"{interpreted_s:g} s and ones on {len(cores)} cores, alternating; {len(whole)} x "
+        f"`rig run` of {task.stem}, compiled before, and an interpreted one before the last",
         (
             figure(
                 f"rig run of {task.stem}, products and pictures included", "s", whole,
                 at_most=None if short else MAX_DEFAULT_S,
+            ),
+            figure(f"rig run of {task.stem}, interpreted", "s", whole_slow),
+            figure(
+                "ratio of these two", "x", [whole_slow / each for each in whole],
+                at_least=None if short else MIN_DEFAULT_RATIO,
             ),
             figure(
                 "one core, loop and logger and all",

@@ -90,7 +90,7 @@ def run_kills(
     folder: Path, kills: list[Kill], *, real_clock: bool, workers: int
 ) -> list[KillOutcome]:
     """Execute all kills, distributed over ``workers`` threads that do one run after the other."""
-    campaign = write_campaign_file(folder, 120.0 if real_clock else 1200.0)
+    campaign = write_campaign_file(folder, 120.0 if real_clock else 2400.0)
 
     def share(number: int) -> list[KillOutcome]:
         place = folder / f"worker{number}"
@@ -132,6 +132,11 @@ class RingObserver:
     def rows_put(self) -> int:
         """Number of rows that the loop has put so far."""
         return self.ring.head if self.ring else 0
+
+    @property
+    def rows_dropped(self) -> int:
+        """Number of rows that the loop could not put into the full ring so far."""
+        return self.ring.dropped if self.ring else 0
 
     def newest_rows(self, row_type: type = WaveBotRow) -> Any:
         """Return the rows that are still in the ring, as records."""
@@ -265,8 +270,9 @@ def compare_record_with_ring(
 ) -> RecordComparison:
     """Recover the run in ``runs`` and compare its record with its ring.
 
-    ``every_tick``: the loop put each tick from 0 on, and may have put more rows than a ring holds,
-    as on the virtual clock.
+    ``every_tick``: the loop executed each tick from 0 on, and may have put more rows than a ring
+    holds, as on the virtual clock. A loop that is to stop and gets no room for two seconds counts
+    the rows that it does not put.
     """
     in_ring, put = observer.newest_rows(row_type), observer.rows_put
     failures = list[str]()
@@ -279,7 +285,7 @@ def compare_record_with_ring(
         failures += [f"not recovered: {error}"] if put else []
     blocks = list(mcap_file.blocks(mcap_file.scan(recovery.output))) if recovery else []
     saved = np.concatenate(blocks) if blocks else in_ring[:0]
-    ticks = np.arange(put) if every_tick else in_ring["tick"]
+    ticks = np.arange(put + observer.rows_dropped) if every_tick else in_ring["tick"]
     lost = np.setdiff1d(ticks, saved["tick"])
     failures += _ring_differences(in_ring, saved, ticks, None if every_tick else put)
     if recovery is not None:

@@ -26,9 +26,11 @@ def reported_problems(path: Path) -> list[tuple[str, int, str, str]]:
 @pytest.mark.parametrize(
     "path", sorted((CONFIGS / "campaigns").glob("*.yaml")), ids=lambda p: p.stem
 )
-def test_every_shipped_campaign_can_be_run(path: Path) -> None:
+def test_no_shipped_campaign_has_a_problem(path: Path) -> None:
+    """An adaptive one needs its prediction, too, which this check does not make."""
     report = check_campaign(path)
-    assert report.ok, report.text()
+    assert report.plan is not None, report.text()
+    assert not report.problems, report.text()
 
 
 @pytest.mark.parametrize("folder", ["rigs", "limits", "plants", "seas"])

@@ -236,10 +236,11 @@ def compiled_step(module: Any) -> Any:
     from numba import njit
 
     from controllers import biquads, blocks, estimator, impedance, open_loop, signal_generator
-    from rig.realtime import assessment, axis, limits, safety, sequence
+    from rig.realtime import assessment, axis, limits, paired_rows, safety, sequence, student
 
     laws = (biquads, blocks, estimator, impedance, open_loop, signal_generator)
-    lifting.lift((*laws, assessment, axis, limits, safety, sequence, module))
+    loop = (student, paired_rows, assessment, axis, limits, safety, sequence)
+    lifting.lift((*laws, *loop, module))
     return njit(error_model="numpy")(cycle.make(module.KIND))
 
 

@@ -27,7 +27,7 @@ for _number, _default in (
 
 PARTS = 8  # a run of the test command takes one in so many of the long and of the sampled tests
 COSTLY = "costly_tests.txt"
-COSTLY_PARTS = 30  # of its files and tests, of which a run takes one
+COSTLY_PARTS = 40  # of its files and tests, of which a run takes one
 STREAMS = ("paired", "realtime")  # of the tests in real time: two at a time, or alone
 FLAKY = "flaky"  # name of the list of flaky tests in pytest's cache
 

@@ -20,6 +20,7 @@ MAX_REPEAT_S = 3600
 """Maximum repeat period of a reference, s."""
 
 Amplitude = Annotated[float, Field(gt=0, le=1000)]
+_AMPLITUDE_UNITS = {"amplitude_a": "A", "amplitude_n": "N", "amplitude_n_m": "N*m"}
 ForceAmplitude = Annotated[float, Field(gt=0, le=1e6)]
 Frequency = Annotated[float, Field(ge=0.02, le=5)]
 Band = Annotated[float, Field(ge=0.01, le=5)]
@@ -51,8 +52,7 @@ class _Stimulus(FileModel):
             "amplitude missing; allowed amplitude_a 0 .. 1000 A, or amplitude_n 0 .. 1e+06 N, of a "
             "rotating axis amplitude_n_m 0 .. 1e+06 N*m"
         )
-        keys = ("amplitude_a", "amplitude_n", "amplitude_n_m")
-        yield from self.check_one_of(*keys, missing=missing)
+        yield from self.check_one_of(*_AMPLITUDE_UNITS, missing=missing)
 
     def force_amplitude(self, newtons_per_ampere: float) -> float:
         """Return the amplitude as force on the body, N, or torque, N*m; the factor is Kt N."""
@@ -63,8 +63,8 @@ class _Stimulus(FileModel):
     @property
     def quantity(self) -> tuple[str, str]:
         """Key and unit of the amplitude."""
-        units = {"amplitude_a": "A", "amplitude_n": "N", "amplitude_n_m": "N*m"}
-        return next((key, units[key]) for key in units if getattr(self, key) is not None)
+        given = (each for each in _AMPLITUDE_UNITS.items() if getattr(self, each[0]) is not None)
+        return next(given)
 
     def amplitude_description(self) -> str:
         """Return axis and amplitude as text."""

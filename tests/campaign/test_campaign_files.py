@@ -13,6 +13,7 @@ from rig.kinds.wavebot.campaign import check_campaign, open_campaign
 from rig.kinds.wavebot.campaign.kind import spring_map_problems
 from rig.kinds.wavebot.campaign.stability import largest_ki, total_stiffness
 from rig.kinds.wavebot.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.tasks import examine
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -26,11 +27,10 @@ def reported_problems(path: Path) -> list[tuple[str, int, str, str]]:
 @pytest.mark.parametrize(
     "path", sorted((CONFIGS / "campaigns").glob("*.yaml")), ids=lambda p: p.stem
 )
-def test_no_shipped_campaign_has_a_problem(path: Path) -> None:
-    """An adaptive one needs its prediction, too, which this check does not make."""
-    report = check_campaign(path)
-    assert report.plan is not None, report.text()
-    assert not report.problems, report.text()
+def test_every_shipped_campaign_can_be_run(path: Path) -> None:
+    """An adaptive one starts from its prediction, which takes a second."""
+    report = examine(path) if path.stem == "adaptive" else check_campaign(path)
+    assert report.ok, report.text()
 
 
 @pytest.mark.parametrize("folder", ["rigs", "limits", "plants", "seas"])

@@ -170,7 +170,8 @@ class CheckReport(NamedTuple):
         station = find(campaign.kind.assessed_stations(campaign.rig), adaptive.station)
         if station.name in self.predicted_powers:
             return ()
-        why = self.not_predicted or self.not_simulated or "this kind of rig has none"
+        reasons = filter(None, (self.not_predicted, self.not_simulated))
+        why = "; ".join(reasons) or "this kind of rig has none"
         message = f"there is no prediction of these rows to start from ({why}); allowed nothing"
         return (campaign.locate.problem(("adaptive", "start"), "predicted", message),)
 

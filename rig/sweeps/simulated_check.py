@@ -27,13 +27,15 @@ def with_simulated_rows(
 
     With ``compile_loop``, which makes the code of a simulator available, all rows of any campaign
     are simulated; without it, those of campaigns that have no other prediction, where the code is
-    there already, up to `MAX_SECONDS` of the plan. ``progress``: of `simulate_rows`.
+    there already, up to `MAX_SECONDS` of the plan, or all of them if the choice of rows starts from
+    them. ``progress``: of `simulate_rows`.
     """
     campaign, plan = report.campaign, report.plan
     if campaign is None or plan is None:
         return report
     unasked = compile_loop is None
-    if unasked and (report.prediction is not None or not plan.rows):
+    done = report.prediction is not None or report.simulated is not None
+    if unasked and (done or not plan.rows):
         return report
     try:
         simulation = simulation_of(campaign)
@@ -47,7 +49,7 @@ def with_simulated_rows(
             compile_loop(simulator)
         elif not simulator.is_compiled():
             return report._replace(not_simulated=NOT_COMPILED)
-        seconds = math.inf if compile_loop else MAX_SECONDS
+        seconds = math.inf if compile_loop or report.unpredicted else MAX_SECONDS
         rows = _simulate(campaign, simulator, seconds, progress)
     except KindError as error:
         return report if unasked else report._replace(not_simulated=str(error))

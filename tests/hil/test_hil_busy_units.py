@@ -48,14 +48,15 @@ class FaultyUnits(TcpUnits):
         super().__init__(units)
         self.random = random.Random(SEED)
         self.faults: dict[int, tuple[float, int]] = {}  # by unit: share of requests, exception
-        self.refused = self.answered = 0
+        self.refused = 0
+        self.asked = threading.Event()  # by the first request
 
     def serve(self, unit: int, pdu: bytes) -> Answer | None:
+        self.asked.set()
         share, code = self.faults.get(unit, (0.0, 0))
         if self.random.random() < share:
             self.refused += 1
             return Answer(bytes((pdu[0] | 0x80, code)), 0.0)
-        self.answered += unit in self.faults
         return super().serve(unit, pdu)
 
 
@@ -89,7 +90,8 @@ def poll_units(
 ) -> Observation:
     """Poll the analyser (unit 1) and the I/O coupler (unit 2) of the WaveBot on one line.
 
-    The observation lasts `SECONDS` after the poller is ready, or ``timeout_s`` if it never is.
+    The observation lasts `SECONDS` after the poller is ready, or ``timeout_s`` from its first
+    request if it never is.
     """
     started = time.monotonic()
 
@@ -121,6 +123,7 @@ def poll_units(
         child = Child(poller.module, job, inherited, folder / "stderr")
         try:
             slots = open_mailboxes(shared)
+            assert units.asked.wait(30.0)  # its process may start slowly
             oldest, values, reports = observe(child, slots, timeout_s)
             return Observation(oldest, values, reports, units.refused)
         finally:

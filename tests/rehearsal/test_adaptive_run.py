@@ -181,11 +181,19 @@ def test_without_scikit_learn_the_run_does_not_start(tmp_path: Path) -> None:
     assert not runs.exists()
 
 
-def test_a_law_without_prediction_needs_a_start_from_nothing(tmp_path: Path) -> None:
+def write_latching(folder: Path) -> Path:
+    """Write a campaign whose law has no linear form, and so no prediction."""
     gains = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000}
     hold = {"hold_stiffness_n_per_m": 1e6, "hold_damping_n_s_per_m": 1e4}
     rows = [{**gains, "latch_s": 0.1 * i} for i in range(4)]
-    path = write_campaign(tmp_path, law={"use": "latching", **hold}, matrix={"list": rows})
+    return write_campaign(folder, law={"use": "latching", **hold}, matrix={"list": rows})
+
+
+def test_a_law_without_prediction_whose_loop_is_not_compiled_does_not_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_latching(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     done = rig("run", path, "--runs", tmp_path / "runs")
     assert done.returncode == 2, done.stdout
     checked = rig("check", path)
@@ -193,8 +201,21 @@ def test_a_law_without_prediction_needs_a_start_from_nothing(tmp_path: Path) -> 
     assert "the campaign cannot be run" in checked.stdout
     for shown in (done.stdout + done.stderr, checked.stdout + checked.stderr):
         assert "adaptive.start: there is no prediction of these rows" in shown
+        assert "the law latching has no linear form; its loop with the plant" in shown
+        assert "rig check --simulate compiles it" in shown
         assert "allowed nothing" in shown
     assert not (tmp_path / "runs").exists()
+
+
+def test_a_law_without_prediction_starts_from_simulated_rows(tmp_path: Path) -> None:
+    path = write_latching(tmp_path)
+    checked = rig("check", path, "--simulate", "--json")
+    assert checked.returncode == 0, checked.stdout
+    simulated = [row["power_dc"] for row in json.loads(checked.stdout)["simulated"]]
+    done = rig("run", path, "--runs", tmp_path / "runs")
+    assert done.returncode == 0, done.stderr
+    record = json.loads((only_run(tmp_path) / "plan.json").read_text())["adaptive"]
+    assert record["predicted"]["dc"] == simulated
 
 
 # --- processes that die or hang

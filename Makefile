@@ -110,10 +110,10 @@ lint: setup
 # second one the values of the assertion.
 PYTEST := $(BIN)/python -m pytest
 LONG := part
-WITHOUT_CLOCK := -m "not realtime" --long $(LONG) -o cache_dir=.pytest_cache/without_clock
+WITHOUT_CLOCK = -m "not realtime" --long $(LONG) -o cache_dir=.pytest_cache/without_clock
 REALTIME = $$(grep -rl --include="test_*.py" mark.$(1) tests examples) --long $(LONG)
-PAIRED := $(call REALTIME,paired) -m "realtime and paired" -o cache_dir=.pytest_cache/with_paired_clock
-ALONE := $(call REALTIME,realtime) -m "realtime and not paired" -o cache_dir=.pytest_cache/with_clock
+PAIRED = $(call REALTIME,paired) -m "realtime and paired" -o cache_dir=.pytest_cache/with_paired_clock
+ALONE = $(call REALTIME,realtime) -m "realtime and not paired" -o cache_dir=.pytest_cache/with_clock
 FIRST_TRY := --assert=plain --showlocals
 SECOND_TRY := --last-failed --last-failed-no-failures none --second-try
 FLAKY := .pytest_cache/flaky

@@ -92,28 +92,36 @@ def _stream(item: pytest.Item) -> str:
     return names[0] if names else ""
 
 
-def _costly_left_out(root: Path, items: list[pytest.Item], seed: str) -> list[pytest.Item]:
-    """Return the costly tests that are left out: all but one of equal parts.
+def costly_parts(root: Path) -> dict[tuple[str, bool], int]:
+    """Return the part of each costly file or single test, by its name and whether in real time.
 
     Parts are equal in processor time, and those of tests in real time in their duration.
     """
     lines = (root / "tests" / COSTLY).read_text().splitlines()
     costly = [line.split(maxsplit=2) for line in lines if line[:1] != "#"]
-    chosen = _place(seed, COSTLY) % COSTLY_PARTS
-    left_out = set()
+    parts = {}
     for column, in_real_time in enumerate((False, True)):
         seconds = [0] * COSTLY_PARTS
         for each in sorted(costly, key=lambda each: -int(each[column])):
             at = seconds.index(min(seconds))  # the dearest first, each to the part that has least
             seconds[at] += int(each[column])
-            if at != chosen:
-                left_out.add((each[-1], in_real_time))
+            parts[each[-1], in_real_time] = at
+    return parts
+
+
+def part_of(parts: dict[tuple[str, bool], int], nodeid: str, *, in_real_time: bool) -> int | None:
+    """Return the part of a test: its own, else that of its file; None: it runs every time."""
+    file = nodeid.partition("::")[0]
+    return parts.get((nodeid, in_real_time), parts.get((file, in_real_time)))
+
+
+def _costly_left_out(root: Path, items: list[pytest.Item], seed: str) -> list[pytest.Item]:
+    """Return the costly tests that are left out: those of all parts but one."""
+    parts, chosen = costly_parts(root), _place(seed, COSTLY) % COSTLY_PARTS
     return [
         item
         for item in items
-        for in_real_time in [_stream(item) != ""]
-        if (item.nodeid, in_real_time) in left_out
-        or (item.nodeid.partition("::")[0], in_real_time) in left_out
+        if part_of(parts, item.nodeid, in_real_time=_stream(item) != "") not in {None, chosen}
     ]
 
 

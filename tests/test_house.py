@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
+from conftest import COSTLY_PARTS, costly_parts, part_of
 from ruamel.yaml import YAML
 
 from rig.kinds.registry import OWN_PACKAGES
@@ -253,6 +255,33 @@ def test_import_contracts_are_complete() -> None:
     (kinds,) = (each for each in linter["contracts"] if each["name"].startswith("Kinds of rig"))
     assert set(kinds["modules"]) == own
     assert settings["pytest"]["ini_options"]["filterwarnings"][0] == "error"
+
+
+def test_the_long_form_of_the_tests_leaves_none_out() -> None:
+    """The recipe's variables are expanded with the goal's own value of `LONG`."""
+    recipe = (ROOT / "Makefile").read_text().partition("\ntest: setup\n")[2].partition("\n\n")[0]
+    names = sorted({*re.findall(r"\$\(([A-Z_]+)\)", recipe)})
+    shown = "\n".join(f"$(info $({name}))" for name in names if name != "MAKE")
+    text = f"include Makefile\nshown: LONG := all\nshown: ; {shown.replace(chr(10), '')}@:\n"
+    done = subprocess.run(
+        ["make", "--no-print-directory", "--file", "-", "shown"],
+        check=True, cwd=ROOT, input=text, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stdout.count("--long all") == 3
+    assert "--long part" not in done.stdout
+
+
+def test_each_costly_test_is_in_a_part_of_its_own_entry() -> None:
+    """One listed beside its file is drawn with its own part, whatever that of its file is."""
+    parts = costly_parts(ROOT)
+    own = [name for name, _ in parts if "::" in name]
+    assert any((name.partition("::")[0], False) in parts for name in own)
+    for name in own:
+        for in_real_time in (False, True):
+            part = part_of(parts, name, in_real_time=in_real_time)
+            assert part == parts[name, in_real_time]
+            assert part in range(COSTLY_PARTS)
+    assert part_of(parts, "tests/test_house.py::test", in_real_time=False) is None
 
 
 def test_git_hooks_run_the_commands_of_lint() -> None:

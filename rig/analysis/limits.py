@@ -7,6 +7,7 @@ also where a kind or an earlier run says nothing.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -185,14 +186,22 @@ class BoundedValues:
         return np.sqrt(found, out=found)
 
 
+_SHORTEST_KEPT = 0.9  # of a mean after one value: stretches of seven values
+
+
 def running_mean(values: Column, weight: float, before: float) -> Column:
     """Return the mean m after each value x, by m += weight (x - m), from the mean ``before``.
 
     Value by value, a day of rows takes minutes. The sum is therefore taken over stretches in which
-    the first value loses half of its share; over longer ones, rounding errors would grow.
+    the first value loses half of its share; over longer ones, rounding errors would grow. A weight
+    that fills less than some values leaves nothing to gain.
     """
     kept = 1.0 - weight
-    stretch = int(math.log(0.5) / math.log(kept)) if kept > 0.5 else 1
+    if kept < _SHORTEST_KEPT:
+        return np.fromiter(
+            accumulate(values.tolist(), lambda m, x: m + weight * (x - m), initial=before), float
+        )[1:]
+    stretch = int(math.log(0.5) / math.log(kept)) if kept < 1.0 else max(1, len(values))
     shares, means = kept ** np.arange(stretch), np.empty_like(values)
     for first in range(0, len(values), stretch):
         part = values[first : first + stretch]

@@ -42,17 +42,20 @@ def current_table(
     if not source:
         return row_table(run)
     if code["dirty"]:  # its next changes will not show in `source`, so it is not stored
-        return computed_table(folder.resolve(), source).copy()
+        return computed_table(folder.resolve(), source).copy(deep=True)
     stored = _read(folder / ROWS)
     if stored is not None and stored.attrs.get(COMPUTED_FROM) == source:
         return stored
-    table = computed_table(folder.resolve(), source)
+    table = computed_table(folder.resolve(), source).copy(deep=True)
     return table.assign_attrs({COMPUTED_FROM: source, ORDER: json.dumps([*table.variables])})
 
 
 @lru_cache(maxsize=1)
 def computed_table(folder: Path, source: str) -> "xarray.Dataset":
-    """Compute the table of a run; that of the same ``source`` again costs nothing."""
+    """Compute the table of a run; that of the same ``source`` again costs nothing.
+
+    Callers must copy it before they change it.
+    """
     return row_table(folder)
 
 

@@ -149,7 +149,7 @@ class Summary(NamedTuple):
     rig_time_s: float = float("nan")  # without interruptions; NaN: unknown
     record: RecordState | None = None  # completeness of the record, independent of the ending
     resumed_utc: tuple[str, ...] = ()  # when the run was resumed
-    next_stages: str = "resumed"  # or "next seas", which begin by themselves
+    next_stages: str = "resumed"  # or "stages", of several seas
     choices: tuple[str, ...] = ()  # of the rows of an adaptive campaign
     laws: tuple[BestOfLaw, ...] = ()  # of a campaign with several
     uncertainty: tuple[str, ...] = ()  # of the best powers; empty without a budget
@@ -269,7 +269,7 @@ def summarise(
         started_utc=phrases.format_utc(run_facts.started_utc) or "not recorded",
         ended_utc=phrases.format_utc(str(run_facts.status.get("ended_utc") or "not recorded")),
         resumed_utc=tuple(map(phrases.format_utc, run_facts.status.get("resumed_utc", ()))),
-        next_stages="next seas" if "seed" in table else "resumed",
+        next_stages="stages" if "seed" in table else "resumed",
         code=code_text(run_facts.code),
         calibration=str(table.attrs.get("calibration", "")),
         ending=ending.title,

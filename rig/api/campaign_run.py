@@ -89,19 +89,13 @@ def open_task(path: Path, rig: Path | None = None, kind: RigKind | None = None) 
     """Check a campaign or session that is to run today (UTC).
 
     ``rig`` replaces the rig that the file names; ``kind``: the kind of rig that it must have, else
-    that of its rig file. Problems of the files are in the report. An adaptive campaign without a
-    prediction to start from has simulated rows in its place, if their loop is compiled on this
-    host. Raises `ConfigError` or `KindError` if the file names no usable kind of rig.
+    that of its rig file. Problems of the files are in the report. Raises `ConfigError` or
+    `KindError` if the file names no usable kind of rig.
     """
     kind = kind or kind_of_task(path, rig)
     tasks: Tasks = kind.room("tasks")
     display: Display = kind.room("display")
-    report = examine(tasks, path, rig)
-    if isinstance(report, CheckReport) and report.unpredicted:
-        from rig.sweeps.simulated_check import with_simulated_rows
-
-        report = with_simulated_rows(report)
-    return OpenedTask(path, kind, tasks, display, report)
+    return OpenedTask(path, kind, tasks, display, examine(tasks, path, rig))
 
 
 def examine(tasks: Tasks, path: Path, rig: Path | None) -> Report:

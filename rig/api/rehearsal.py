@@ -12,6 +12,7 @@ from rig.api.errors import RigError, public_errors
 from rig.api.progress import ProgressOption, Reporter
 from rig.api.run import Run
 from rig.api.section import Section
+from rig.campaign import CheckReport
 from rig.config.problems import Problem, problems_text
 from rig.config.shipped_files import CAMPAIGNS, RIGS, SESSIONS, find_file
 from rig.kinds.interface import Display
@@ -61,6 +62,8 @@ def rehearse(
         report, plan = opened.report, opened.report.plan
         if report.checked is None or plan is None:
             raise RigError(problems_text(report.problems), report.problems)
+        if isinstance(report, CheckReport) and report.unpredicted:
+            opened = _with_simulated_rows(opened)
         rig_path = None if rig is None else _path(rig, RIGS)
         emulated = report.checked.rig.wiring is not None
         options = RunOptions(rig_path, real_time, emulated, interpreted)
@@ -135,15 +138,18 @@ class Check:
 
     @property
     def rows(self) -> "pandas.DataFrame":
-        """The predicted rows, where the law has a prediction; empty otherwise."""
+        """The predicted rows; simulated ones of a law without prediction; else empty."""
         import pandas
 
-        listed = self.summary.as_dict().get("predictions", [])
+        summary = self.summary.as_dict()
+        listed = summary.get("predictions") or summary.get("simulated", [])
         return pandas.json_normalize(listed) if isinstance(listed, list) else pandas.DataFrame()
 
 
 def check(campaign: PathLike, *, rig: PathLike | None = None) -> Check:
     """Check a campaign or session as `rig check` does; problems are in the result.
+
+    The rows of a law without prediction are simulated, if their loop is compiled on this host.
 
     Args:
         campaign: File (YAML), or the name of a shipped campaign or session.
@@ -153,12 +159,21 @@ def check(campaign: PathLike, *, rig: PathLike | None = None) -> Check:
         RigError: If there is no such file, or it names no usable kind of rig.
     """
     with public_errors():
-        return Check(_open(campaign, rig))
+        return Check(_with_simulated_rows(_open(campaign, rig)))
 
 
 def _open(campaign: PathLike, rig: PathLike | None) -> OpenedTask:
     rig_path = None if rig is None else _path(rig, RIGS)
     return open_task(_path(campaign, CAMPAIGNS, SESSIONS), rig_path)
+
+
+def _with_simulated_rows(opened: OpenedTask) -> OpenedTask:
+    """Return a campaign without prediction with its simulated rows; others unchanged."""
+    if not isinstance(opened.report, CheckReport):
+        return opened
+    from rig.sweeps.simulated_check import with_simulated_rows
+
+    return opened._replace(report=with_simulated_rows(opened.report))
 
 
 def _path(name: PathLike, *kinds: str) -> Path:

@@ -1,11 +1,12 @@
 """The report of `rig check FILE`: all problems, or the summary and duration of the campaign."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import date
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 from rig.campaign.equal_rows import EqualRows
@@ -84,6 +85,7 @@ class CheckReport(NamedTuple):
     not_predicted: str = ""  # why the law has no prediction; empty otherwise
     simulated: SimulatedRows | None = None
     not_simulated: str = ""  # why the rows are not simulated, if they should be
+    recorded_powers: Mapping[str, list[float]] = MappingProxyType({})  # of a run that goes on
     unchecked: tuple[str, ...] = ()  # checks that the problems prevented
     disk: str = ""  # expected size of the log
     scatter_w: float | None = None  # W, assumed of the mean power of a wave period
@@ -128,7 +130,10 @@ class CheckReport(NamedTuple):
         groups = chain.from_iterable(each.equal_rows for each in sources if each is not None)
         if not any(each.digits and len(each.rows) == len(self.plan.rows) for each in groups):
             return ()
-        message = "all rows are alike: the gains are too small to matter; are they in N*s/m?"
+        message = (
+            "all rows are alike: the gains are too small to matter; are they in the units of their "
+            "keys?"
+        )
         return (self.campaign.locate.problem(("matrix",), None, message),)
 
     @property
@@ -144,7 +149,12 @@ class CheckReport(NamedTuple):
 
     @property
     def predicted_powers(self) -> dict[str, list[float]]:
-        """Predicted powers (W) of all rows by station; empty without those of every row."""
+        """Predicted powers (W) of all rows by station; empty without those of every row.
+
+        A run that goes on keeps those with which it began.
+        """
+        if self.recorded_powers:
+            return dict(self.recorded_powers)
         if self.prediction is not None:
             rows = self.prediction.as_dict()["predictions"]
         elif self.simulated is not None:
@@ -170,8 +180,9 @@ class CheckReport(NamedTuple):
         station = find(campaign.kind.assessed_stations(campaign.rig), adaptive.station)
         if station.name in self.predicted_powers:
             return ()
-        reasons = filter(None, (self.not_predicted, self.not_simulated))
-        why = "; ".join(reasons) or "this kind of rig has none"
+        stops = () if self.simulated is None else self.simulated.warnings()
+        reasons = (self.not_predicted, self.not_simulated, *(each.message for each in stops))
+        why = "; ".join(filter(None, reasons)) or "this kind of rig has none"
         message = f"there is no prediction of these rows to start from ({why}); allowed nothing"
         return (campaign.locate.problem(("adaptive", "start"), "predicted", message),)
 

@@ -58,7 +58,8 @@ def command(
             "--simulate is for the rows of a campaign; rig sweep simulates a session"
         )
         return fail("check", error, as_json=as_json)
-    report = with_simulated_rows(report, simulate=simulate, quiet=as_json)
+    if isinstance(report, CheckReport):
+        report = with_simulated_rows(report, simulate=simulate, quiet=as_json)
     if scatter is not None and isinstance(report, CheckReport):
         report = report._replace(scatter_w=scatter)
         with input_errors("check", as_json=as_json):
@@ -94,20 +95,24 @@ def show_verdict(report: Report, *, can_run: bool) -> None:
         console.print(f"the {noun} cannot be run", style="bold red")
 
 
-def with_simulated_rows(report: Report, *, simulate: bool = False, quiet: bool = True) -> Report:
-    """Return the report of a campaign with its simulated rows; others unchanged."""
-    if not isinstance(report, CheckReport) or report.plan is None:
-        return report
-    from rig.sweeps import simulated_check
+def with_simulated_rows(
+    report: CheckReport, *, simulate: bool = False, quiet: bool = True
+) -> CheckReport:
+    """Return the report of a campaign with its simulated rows, if it needs any.
 
-    if not simulate:
-        return simulated_check.with_simulated_rows(report)
+    ``simulate``: of all rows in any case; compile their loop if necessary.
+    """
+    if report.plan is None or (report.prediction is not None and not simulate):
+        return report
     from rig.cli.sweep import ProgressBar, compile_loop
+    from rig.sweeps import simulated_check
 
     count = len(report.plan.rows)
     with ProgressBar("simulating", count, quiet=quiet) as bar:
         return simulated_check.with_simulated_rows(
-            report, compile_loop, lambda done: bar.show(done, f"simulated {done} of {count} rows")
+            report,
+            compile_loop if simulate else None,
+            lambda done: bar.show(done, f"simulated {done} of {count} rows"),
         )
 
 

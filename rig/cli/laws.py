@@ -7,29 +7,33 @@ import typer
 
 from rig.cli.options import Json
 from rig.cli.output import BAD_INPUT, OK, print_json
-from rig.laws import Law, LawError, RegisteredLaw, load_file, registered
+from rig.laws import Law, LawError, RegisteredLaw, find, registered
 
 
 def command(
-    files: Annotated[
-        list[Path] | None, typer.Argument(help="Files of laws (.py); default: registered laws.")
+    laws: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[LAW]...", help="Names of laws, or their files (.py); default: all names."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> int:
     """List the control laws: columns of the matrix, parameters, ranges."""
-    listed = [_entry_of_file(path) for path in files] if files else list(registered())
+    listed = [_entry(text) for text in laws] if laws else list(registered())
     if as_json:
         print_json({"laws": [_as_dict(entry) for entry in listed]})
     else:
         print("\n\n".join(_text(entry) for entry in listed))
-    return BAD_INPUT if files and any(entry.problem for entry in listed) else OK
+    return BAD_INPUT if laws and any(entry.problem for entry in listed) else OK
 
 
-def _entry_of_file(path: Path) -> RegisteredLaw:
+def _entry(text: str) -> RegisteredLaw:
+    """Return a law by its name or the path of its file, with the problem if there is one."""
     try:
-        law = load_file(path)
+        law = find(text)
     except LawError as error:
-        return RegisteredLaw(path.stem, str(path), None, str(error))
+        return RegisteredLaw(Path(text).stem, text, None, str(error))
     return RegisteredLaw(law.name, law.origin, law, "")
 
 

@@ -13,6 +13,7 @@ from rig.recording.runs import RunError, run_info
 from rig.recording.runs.folder import MCAP, RECOVERED, STATUS, earlier_records
 from rig.recording.runs.recover import recover
 from rig.recording.runs.state import read_json
+from rig.recording.runs.windows import ADAPTIVE
 
 
 def named_files(
@@ -73,6 +74,14 @@ def is_emulated(run: Path, *, wired: bool, sim: bool) -> bool:
     if mode != before:
         raise RunError(other_mode_text(run, before, mode))
     return sim or emulated  # a rig without wires refuses --sim itself
+
+
+def with_recorded_start(report: Report, run: Path) -> Report:
+    """Return the report with the predicted powers from which an adaptive run chose its rows."""
+    if not isinstance(report, CheckReport):
+        return report
+    recorded = run_info(run).plan.get(ADAPTIVE, {})
+    return report._replace(recorded_powers=recorded.get("predicted", {}))
 
 
 def rest_of_run(report: Report, run: Path, *, accept_changes: bool) -> Resumption:

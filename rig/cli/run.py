@@ -131,7 +131,7 @@ def run_named(
     plan_record: Mapping[str, Any] = {}
     resumed = options.resume
     if resumed is not None:
-        from rig.cli.resume import is_emulated, rest_of_run
+        from rig.cli.resume import is_emulated, rest_of_run, with_recorded_start
 
         with input_errors(command_name, as_json=as_json):
             wired = checked.rig.wiring is not None
@@ -139,11 +139,14 @@ def run_named(
             options = options._replace(emulated=emulated)
             rest = rest_of_run(report, resumed, accept_changes=options.accept_changes)
             plan, plan_record = rest.plan, rest.plan_record
-    if checked.rig.wiring is not None:  # a rehearsal finds a trip by itself
-        report = with_simulated_rows(report)
-        opened = opened._replace(report=report)
-        if refused := _refused(report, options):
-            return print_problems(CheckReport(path, refused, None, None), as_json=as_json)
+            report = with_recorded_start(report, resumed)
+    if isinstance(report, CheckReport) and options.manual is None:
+        wired = checked.rig.wiring is not None  # a rehearsal finds a trip by itself
+        if wired or report.unpredicted:
+            report = with_simulated_rows(report, quiet=as_json)
+        if wired and report.refused:
+            return print_problems(CheckReport(path, report.refused, None, None), as_json=as_json)
+    opened = opened._replace(report=report)
     with input_errors(command_name, as_json=as_json):
         rehearsed = find_rehearsal(opened.campaign, runs, options, _notice)
     if not as_json:
@@ -168,11 +171,6 @@ def run_named(
         print_end(done.ended, done.products.text, done.lost)
         _print_folder(done.ended, done.products.files, done.trouble)
     return exit_code(done.ended.outcome, done.failed, interrupted=bool(done.products.interrupted))
-
-
-def _refused(report: Report, options: RunOptions) -> tuple[Problem, ...]:
-    """Return why `rig check` refuses the rows; empty for those that people choose by hand."""
-    return () if options.manual or not isinstance(report, CheckReport) else report.refused
 
 
 def _notice(text: str) -> None:

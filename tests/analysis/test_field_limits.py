@@ -149,7 +149,7 @@ def test_the_rms_is_that_of_the_loop() -> None:
     assert found[-1] == pytest.approx(3.0 * np.sqrt(1.0 - (1.0 - 1e-4) ** 2000), rel=1e-4)
 
 
-@pytest.mark.parametrize("weight", [1e-6, 1e-4, 0.013, 0.49, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("weight", [0.0, 1e-18, 1e-6, 1e-4, 0.013, 0.0999, 0.11, 0.5, 1.0])
 def test_running_means_are_those_value_by_value(weight: float) -> None:
     """Within the rounding of some thousand additions."""
     values = np.random.default_rng(8).exponential(20.0, 5000)

@@ -353,3 +353,10 @@ def test_list_of_laws_shows_columns_and_parameters(write: Write) -> None:
     assert out.startswith("growing_damping   (")
     path.write_text("")
     assert rig_here("laws", path)[0] == 2
+    code, out, _ = rig_here("laws", "latching", "impedance")
+    assert code == 0
+    assert out.startswith("latching   (wec-rig ")
+    assert "\nimpedance   (wec-rig " in out
+    code, out, _ = rig_here("laws", "latch")
+    assert code == 2
+    assert "no law 'latch' is registered; allowed impedance, " in out

@@ -12,6 +12,7 @@ import pytest
 from command_here import rig as rig_here
 from test_modular_identification import change, write_rig
 
+from rig.config.yaml_source import load_mapping
 from rig.kinds.modular.build import campaign_params
 from rig.kinds.modular.checks import check, reference_warnings
 from rig.kinds.modular.free_motion import decay_time, free_motion_warnings, poles
@@ -95,6 +96,39 @@ def test_the_amplitude_has_the_unit_of_the_axis(tmp_path: Path, dof: str) -> Non
         campaigns[key] = campaign_params(report.campaign, report.plan).rig.reference.table
     assert campaigns["amplitude_n"] == campaigns["amplitude_n_m"]
     assert max(map(abs, campaigns["amplitude_n_m"])) == pytest.approx(5.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("dof", ["Heave", "Pitch"])
+def test_an_amplitude_beyond_the_motor_is_a_warning(tmp_path: Path, dof: str) -> None:
+    """A typing error of it, which the limits of the drive would cut in silence."""
+    key, unit = ("amplitude_n_m", "N*m") if dof == "Pitch" else ("amplitude_n", "N")
+
+    def messages(amplitude: float, scale: float) -> list[str]:
+        path = tmp_path / "cylinder" / "campaign.yaml"
+
+        def edit(campaign: dict[str, Any]) -> None:
+            campaign["reference"][key] = amplitude
+            campaign["matrix"]["list"][0]["reference_scale"] = scale
+
+        change(path, edit)
+        report = check(path)
+        assert report.campaign is not None
+        return [each.message for each in reference_warnings(report.campaign)]
+
+    write_rig(tmp_path, dof=dof, reference={"kind": "multisine", "repeat_s": 20, key: 1.0})
+    (message,) = messages(9e5, 1.0)
+    current, largest = map(
+        float, re.findall(rf"= ([\d.]+) A of \w+ is ([\d.]+) {re.escape(unit)}$", message)[0]
+    )
+    (axis,) = load_mapping(tmp_path / "cylinder" / "rig.yaml")[0]["axes"].values()
+    (limits,) = load_mapping(tmp_path / "cylinder" / "limits.yaml")[0]["axes"].values()
+    assert current == limits["current_peak_a"]
+    (gear,) = (value for key, value in axis.items() if key.startswith("gear_ratio"))
+    factor = axis["torque_constant_n_m_per_a"] * gear
+    assert largest == pytest.approx(current * factor, rel=1e-3)
+    assert messages(0.99 * largest, 1.0) == []
+    assert messages(0.99 * largest, 0.5) == []
+    assert len(messages(0.99 * largest, 2.0)) == 1
 
 
 def test_a_law_that_acts_on_the_motion_is_not_judged(heave: Path) -> None:

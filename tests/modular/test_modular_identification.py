@@ -151,7 +151,7 @@ def test_bands_contain_the_impedance(tmp_path: Path, dof: str, reference: dict[s
     assert 0.9 <= np.mean(within) <= 0.99
     if dof == "Pitch":
         # The scatter of periods has little of it: 30 % of the lines, with the gear of a new rig.
-        assert np.mean(by_periods) < 0.5, np.mean(within)
+        assert np.mean(by_periods) < 0.4
 
 
 @pytest.mark.slow

@@ -17,11 +17,13 @@ from mode_plants import CYLINDER
 from test_modular_simulation import LAW_PAGE, make_campaign
 
 from rig.analysis.rows import row_table
+from rig.config.yaml_source import load_mapping
 from rig.kinds.modular.match import impedance_match
 from rig.kinds.modular.simulation import check_model
 from rig.recording.runs import open_run
 from tests.docs.blocks import file_of
 
+LATCHING = {"use": "latching", "hold_stiffness_n_per_m": 1e5, "hold_damping_n_s_per_m": 1e3}
 GAINS = """\
 matrix:
   list:
@@ -105,6 +107,37 @@ def test_gains_of_a_wrong_unit_are_a_warning(
     assert share == pytest.approx(100.0 * force / impedance, rel=0.06)
     assert messages((kp, ki), (-impedance, 0.0)) == []
     assert messages((0.0, 0.0)) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "columns"),
+    [
+        ("law", {"zc": {"numerator": [-4000, 0], "denominator": [1, 1]}}, {}),
+        ("law", LATCHING, {"latch_s": 0.2}),
+        ("law", ["impedance", "nonlinear damping"], {"law": "impedance"}),
+        ("reference", {"kind": "multisine", "repeat_s": 20, "amplitude_n": 900}, {}),
+    ],
+)
+def test_small_gains_beside_other_forces_are_no_warning(
+    campaign: Path, tmp_path: Path, key: str, value: Any, columns: dict[str, Any]
+) -> None:
+    """Of a transfer function, a law without a linear form, another law's rows, or a reference."""
+    shutil.copytree(campaign.parent, tmp_path, dirs_exist_ok=True)
+    file = tmp_path / campaign.name
+    gains = columns if value == LATCHING else {"ki_n_per_m": 0, **columns}
+    rows = [{"kp_n_s_per_m": each, **gains} for each in (-10, -5)]
+    if isinstance(value, list):
+        damped = {"law": "nonlinear damping", "quadratic_n_s2_per_m2": 2e4, "coulomb_n": 0}
+        rows.append(rows[0] | damped)
+    settings = load_mapping(file)[0] | {"matrix": {"list": rows}, key: value}
+    file.write_text(json.dumps(settings))
+    report = run_rig("check", file)
+    assert report["ok"], report["problems"]
+    assert not [w for w in report["warnings"] if "plant's impedance" in w["message"]]
+    if key == "reference":
+        del settings["reference"]
+        file.write_text(json.dumps(settings))
+        assert "plant's impedance" in json.dumps(run_rig("check", file)["warnings"])
 
 
 @pytest.mark.slow

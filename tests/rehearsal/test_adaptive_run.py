@@ -20,6 +20,10 @@ from rehearsing import CONFIGS, sweep_sequentially, write_yaml
 
 from rig.analysis.choices import ChosenRow, choices_of
 from rig.analysis.rows import COMPLETE, row_table
+from rig.api.campaign_run import open_task
+from rig.campaign import CheckReport
+from rig.campaign.choosing import adaptive_record
+from rig.cli.resume import with_recorded_start
 from rig.config.shipped_files import title
 from rig.execution.choosing_process import ERRORS
 from rig.execution.replay import replay
@@ -181,12 +185,13 @@ def test_without_scikit_learn_the_run_does_not_start(tmp_path: Path) -> None:
     assert not runs.exists()
 
 
-def write_latching(folder: Path) -> Path:
+def write_latching(folder: Path, **keys: Any) -> Path:
     """Write a campaign whose law has no linear form, and so no prediction."""
     gains = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000}
     hold = {"hold_stiffness_n_per_m": 1e6, "hold_damping_n_s_per_m": 1e4}
     rows = [{**gains, "latch_s": 0.1 * i} for i in range(4)]
-    return write_campaign(folder, law={"use": "latching", **hold}, matrix={"list": rows})
+    law = {"use": "latching", **hold}
+    return write_campaign(folder, **{"law": law, "matrix": {"list": rows}} | keys)
 
 
 def test_a_law_without_prediction_whose_loop_is_not_compiled_does_not_start(
@@ -207,15 +212,37 @@ def test_a_law_without_prediction_whose_loop_is_not_compiled_does_not_start(
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_law_without_prediction_starts_from_simulated_rows(tmp_path: Path) -> None:
+def test_a_law_without_prediction_starts_from_simulated_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = write_latching(tmp_path)
     checked = rig("check", path, "--simulate", "--json")
     assert checked.returncode == 0, checked.stdout
     simulated = [row["power_dc"] for row in json.loads(checked.stdout)["simulated"]]
     done = rig("run", path, "--runs", tmp_path / "runs")
     assert done.returncode == 0, done.stderr
-    record = json.loads((only_run(tmp_path) / "plan.json").read_text())["adaptive"]
+    run = only_run(tmp_path)
+    record = json.loads((run / "plan.json").read_text())["adaptive"]
     assert record["predicted"]["dc"] == simulated
+    # Another host goes on with the run without compiling its loop first.
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    report = open_task(path).report
+    assert isinstance(report, CheckReport)
+    assert report.unpredicted
+    resumed = with_recorded_start(report, run)
+    assert resumed.refused == ()
+    assert adaptive_record(resumed)["adaptive"]["predicted"] == record["predicted"]
+
+
+def test_a_simulated_row_that_trips_is_the_reason_of_the_refusal(tmp_path: Path) -> None:
+    gains = {"spring_n_per_m": 490.9, "latch_s": 0.1}
+    rows = [{**gains, "kp_n_s_per_m": each} for each in (-2000, -1500, -10)]
+    sea = {"kind": "regular", "amplitude_m": 0.34, "period_s": 2}
+    path = write_latching(tmp_path, matrix={"list": rows}, sea=sea)
+    checked = rig("check", path, "--simulate")
+    assert checked.returncode == 2
+    assert "the law latching has no linear form; simulated, the run stops with" in checked.stdout
+    assert "1 of 3 rows not complete: 2" in checked.stdout
 
 
 # --- processes that die or hang

@@ -123,6 +123,7 @@ def test_a_run_killed_in_the_second_sea_goes_on_there(seas: Path, tmp_path: Path
     assert table["seed"].values.tolist() == [7] * len(KP) + [3] * len(KP)
     assert len(run_info(killed).status["resumed_utc"]) == 2
     assert json.loads(done.stdout)["status"] == "complete"
+    assert "\nstages   " in rig("show", killed).stdout
     assert replay(killed).identical
 
 

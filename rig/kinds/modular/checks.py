@@ -7,7 +7,9 @@ from pathlib import Path
 from rig.campaign import AnyCampaign, CampaignParts, CheckReport, check_campaign
 from rig.campaign.files import no_extra_check
 from rig.campaign.law_checks import DEFAULT_RATE_HZ, law_problems, reference_problems
-from rig.config.problems import Problem
+from rig.config.problems import Problem, format_number
+from rig.config.reference import RecordedReference
+from rig.design.axis_params import newtons_per_ampere
 from rig.emulation.campaign_sea import sea_problems, sea_settings
 from rig.kinds.modular.build import limits_problems
 from rig.kinds.modular.campaign import CAMPAIGNS
@@ -67,15 +69,28 @@ def problems(parts: CampaignParts) -> tuple[Problem, ...]:
 
 
 def reference_warnings(campaign: AnyCampaign) -> Iterator[Problem]:
-    """Yield a warning of a torque that is given by a key of forces."""
+    """Yield warnings of a torque by a key of forces, and of an amplitude that is cut."""
     reference = campaign.file.reference
-    if reference is None or campaign.rig.axes[reference.axis].motion != ROTATION:
+    if reference is None:
         return
     key, unit = reference.quantity
-    if unit == "N":
+    axis, given = campaign.rig.axes[reference.axis], getattr(reference, key)
+    rotates = axis.motion == ROTATION
+    if rotates and unit == "N":
         value = "unit: N*m" if key == "unit" else "amplitude_n_m"
         message = f"{reference.axis} rotates, so this is a torque in N*m: write {value}"
-        yield campaign.locate.problem(("reference", key), getattr(reference, key), message)
+        yield campaign.locate.problem(("reference", key), given, message)
+    if isinstance(reference, RecordedReference):
+        return
+    factor, peak = newtons_per_ampere(axis), campaign.limits.axes[reference.axis].current_peak_a
+    scale = max(point.values.get("reference_scale", 1.0) for point in campaign.points)
+    if scale * reference.force_amplitude(factor) > peak * factor:
+        word, unit = ("torque", "N*m") if rotates else ("force", "N")
+        message = (
+            f"{word} is cut: current_peak_a = {format_number(peak)} A of {reference.axis} is "
+            f"{peak * factor:.4g} {unit}"
+        )
+        yield campaign.locate.problem(("reference", key), given, message)
 
 
 def _lacks_record(parts: CampaignParts) -> bool:

@@ -3,8 +3,10 @@
 import numpy as np
 
 from rig.campaign import AnyCampaign
+from rig.campaign.set_points import row_setting
 from rig.config.problems import Problem, format_number
 from rig.config.sea import RegularSea
+from rig.design.law_params import law_params
 from rig.kinds.modular.rehearsal.job import load_model
 from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import ConfigSource
@@ -36,25 +38,37 @@ def impedance_match(campaign: AnyCampaign) -> dict[str, float]:
 
 
 def weak_gains(campaign: AnyCampaign) -> tuple[Problem, ...]:
-    """Return a warning if all gains are far below the plant's impedance, as in a wrong unit.
+    """Return a warning if the law's force is far below the plant's impedance, as in a wrong unit.
 
-    Empty without gains, and where `impedance_match` has nothing to compare them with.
+    Empty without such a force, with a reference, which acts as well, for laws without a linear
+    form, and where `impedance_match` has nothing to compare with.
     """
-    match, gains = impedance_match(campaign), ("kp", "ki", "km")
-    if not match:
+    match = impedance_match(campaign)
+    if not match or campaign.file.reference is not None:
         return ()
-    omega = 2.0 * np.pi * campaign.file.sea.frequency
-    settings = [[point.values.get(name, 0.0) for name in gains] for point in campaign.points]
-    largest = max(abs(kp + 1j * (omega * km - ki / omega)) for kp, ki, km in settings)
-    (axis,), impedance = campaign.rig.axes.values(), -match["kp_real"]
+    ((name, axis_law),) = campaign.axis_laws.items()
+    params = law_params(
+        axis_law.law,
+        campaign.file.law_settings(name),
+        campaign.kind.gain_ramp(campaign.rig, name),
+        1.0 / campaign.rig.rate_hz,
+    )
+    omega, forces = 2.0 * np.pi * campaign.file.sea.frequency, []
+    for point in campaign.points:
+        values = row_setting(campaign.kind, campaign.file, campaign.rig, point)
+        law, own, set_point = axis_law.law.in_force(params, axis_law.set_point(values))
+        if law.linear is None:
+            return ()
+        forces.append(abs(law.linear(own, set_point, omega)))
+    largest, impedance = max(forces), -match["kp_real"]
     if largest == 0.0 or largest >= WEAK * impedance:
         return ()
-    unit = "N*m*s/rad" if axis.motion == ROTATION else "N*s/m"
+    unit = "N*m*s/rad" if campaign.rig.axes[name].motion == ROTATION else "N*s/m"
     message = (
         f"the largest force per velocity of all rows, {largest:.3g} {unit}, is "
         f"{100.0 * largest / impedance:.2g} % of the plant's impedance, {impedance:.4g} {unit} at "
         f"{format_number(campaign.file.sea.frequency)} Hz: the rows hardly differ from none; are "
-        f"the gains in {unit}?"
+        "the gains in the units of their keys?"
     )
     return (campaign.locate.problem(("matrix",), largest, message),)
 

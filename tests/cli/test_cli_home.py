@@ -43,6 +43,7 @@ def read(port: int, index: int, kind: str) -> int:
     return value
 
 
+@pytest.mark.realtime
 def test_an_actuator_homes_once_or_again_on_request(tmp_path: Path) -> None:
     ports = free_ports()
     path = rig_file(tmp_path, ports)
@@ -64,6 +65,7 @@ def test_an_actuator_homes_once_or_again_on_request(tmp_path: Path) -> None:
         assert "stator homes ..." in done.stderr
 
 
+@pytest.mark.realtime
 def test_a_stopped_homing_leaves_the_actuator_without_power(tmp_path: Path) -> None:
     ports = free_ports()
     # Method 17 moves to the negative limit switch; slowly, so that the signal comes on the way.
@@ -83,6 +85,7 @@ def test_a_stopped_homing_leaves_the_actuator_without_power(tmp_path: Path) -> N
         assert -1_395_000 < position < 0  # it was on the way to the switch
 
 
+@pytest.mark.realtime
 def test_a_killed_homing_ends_by_the_drives_own_monitor(tmp_path: Path) -> None:
     ports = free_ports()
     objects = {"homing_method": 17, "homing_speed_switch": 5, "homing_speed_zero": 5}

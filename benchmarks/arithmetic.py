@@ -65,7 +65,7 @@ from sim_plant import body, electrics, magnetic_spring, pto, wavebot
 from sim_plant.body import BodyState
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def simulate(params, supplied, law, at_rest, gains, per_ampere, table, start, target, dt, ticks):
     hull = BodyState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     stator = magnetic_spring.stator_at_rest(params.spring, start)

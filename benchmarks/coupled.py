@@ -14,6 +14,7 @@ from rig.processes.run_types import ExecutionMode, Task
 from rig.processes.tick_compiler import compile_job, source_of
 from rig.realtime import loop
 from rig.realtime.clock import VirtualClock
+from rig.realtime.requests import NO_REQUEST, Request
 from rig.recording import ring
 
 MIN_RATIO, MIN_TIMES_REAL = 15.0, 200.0
@@ -28,14 +29,18 @@ class Execution(NamedTuple):
 
 
 class _Drain:
-    """A mailbox without messages that empties the ring whenever it is read."""
+    """A mailbox without requests that empties the ring whenever it is read."""
 
     def __init__(self, fd: int) -> None:
         self._reader = ring.RingReader(fd)
 
-    def read(self) -> None:
+    def read(self) -> Request:
         while self._reader.take():
             self._reader.commit()
+        return NO_REQUEST
+
+    def live_numbers(self, number: int) -> None:
+        """Nobody chooses set points."""
 
 
 def execute(task: Task, mode: ExecutionMode, code: Path | None) -> Execution:

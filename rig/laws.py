@@ -231,27 +231,6 @@ def source_text(law: Law) -> str:
     return inspect.getsource(law.module)
 
 
-def helper_modules(law: Law) -> tuple[ModuleType, ...]:
-    """Return the law's module and the modules of its package or of ``controllers`` that it uses."""
-    modules = [law.module, *(each.module for each in law.parts)]
-    packages = {"controllers", *(module.__name__.partition(".")[0] for module in modules)}
-    found: dict[str, ModuleType] = {}
-
-    def collect(module: ModuleType) -> None:
-        if module.__name__ in found or module.__name__.partition(".")[0] not in packages:
-            return
-        found[module.__name__] = module
-        for value in vars(module).values():
-            used = value if isinstance(value, ModuleType) else None
-            if used is None and isinstance(getattr(value, "__module__", None), str):
-                used = sys.modules.get(value.__module__)
-            if used is not None:
-                collect(used)
-
-    collect(law.module)
-    return tuple(found[name] for name in sorted(found) if hasattr(found[name], "__file__"))
-
-
 def _load_entry(entry: Entry) -> Law:
     """Return the law of an entry; LawError if its name is ambiguous or the law unusable."""
     if duplicates := REGISTRY.duplicates(entry):

@@ -9,6 +9,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from costly_tests import COSTLY_PARTS, LIST, costly_parts, part_of
 from hypothesis import settings
 
 # A shared host pauses for longer than any example takes; speed is measured in benchmarks/.
@@ -26,8 +27,6 @@ for _number, _default in (
         signal.signal(_number, _default)
 
 PARTS = 8  # a run of the test command takes one in so many of the long and of the sampled tests
-COSTLY = "costly_tests.txt"
-COSTLY_PARTS = 40  # of its files and tests, of which a run takes one
 STREAMS = ("paired", "realtime")  # of the tests in real time: two at a time, or alone
 FLAKY = "flaky"  # name of the list of flaky tests in pytest's cache
 
@@ -92,32 +91,9 @@ def _stream(item: pytest.Item) -> str:
     return names[0] if names else ""
 
 
-def costly_parts(root: Path) -> dict[tuple[str, bool], int]:
-    """Return the part of each costly file or single test, by its name and whether in real time.
-
-    Parts are equal in processor time, and those of tests in real time in their duration.
-    """
-    lines = (root / "tests" / COSTLY).read_text().splitlines()
-    costly = [line.split(maxsplit=2) for line in lines if line[:1] != "#"]
-    parts = {}
-    for column, in_real_time in enumerate((False, True)):
-        seconds = [0] * COSTLY_PARTS
-        for each in sorted(costly, key=lambda each: -int(each[column])):
-            at = seconds.index(min(seconds))  # the dearest first, each to the part that has least
-            seconds[at] += int(each[column])
-            parts[each[-1], in_real_time] = at
-    return parts
-
-
-def part_of(parts: dict[tuple[str, bool], int], nodeid: str, *, in_real_time: bool) -> int | None:
-    """Return the part of a test: its own, else that of its file; None: it runs every time."""
-    file = nodeid.partition("::")[0]
-    return parts.get((nodeid, in_real_time), parts.get((file, in_real_time)))
-
-
 def _costly_left_out(root: Path, items: list[pytest.Item], seed: str) -> list[pytest.Item]:
     """Return the costly tests that are left out: those of all parts but one."""
-    parts, chosen = costly_parts(root), _place(seed, COSTLY) % COSTLY_PARTS
+    parts, chosen = costly_parts(root), _place(seed, LIST) % COSTLY_PARTS
     return [
         item
         for item in items

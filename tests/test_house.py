@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
-from conftest import COSTLY_PARTS, costly_parts, part_of
+from costly_tests import COSTLY_PARTS, costly_parts, part_of
 from ruamel.yaml import YAML
 
 from rig.kinds.registry import OWN_PACKAGES
@@ -38,6 +38,7 @@ CLOCK_USERS = {
     "rig/execution/task.py": "dates the run and names its folder; time between two Ctrl-C",
     "rig/people/orders.py": "the seat's lease, arming, and the dead man's time",
     "rig/people/request_socket.py": "rate of the requests of a client",
+    "rig/processes/tick_compiler.py": "looks whether its run still goes on",
     "rig/processes/child.py": "time since the last progress of a child",
     "rig/processes/io_processes.py": "timeout for an I/O process to become ready",
     "rig/sweeps/cluster.py": "duration of a chunk of cases, which sets the size of the next",

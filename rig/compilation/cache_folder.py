@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 _DIGITS = 24  # of the name of a folder of code
@@ -39,8 +39,12 @@ def write_bytes_atomically(path: Path, content: bytes) -> None:
     """Write a file of bytes as `write_atomically` does."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}")
-    temporary.write_bytes(content)
-    temporary.replace(path)
+    try:
+        temporary.write_bytes(content)
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
 
 
 def cached_json(path: Path, compute: Callable[[], Any], is_valid: Callable[[Any], bool]) -> Any:
@@ -99,7 +103,9 @@ def code_folder(source: str, modules: Iterable[ModuleType]) -> Path:
         *(Path(__file__).with_name(name).read_text() for name in _COMPILERS),
     ]
     for module in modules:
-        parts += [inspect.getsource(module), *_loaded_definitions(module)]
+        with suppress(OSError):  # without a source, or an empty one
+            parts.append(inspect.getsource(module))
+        parts += _loaded_definitions(module)
     parts.append(bounds_check)
     return cache_root() / hashlib.sha256("\0".join(parts).encode()).hexdigest()[:_DIGITS]
 
@@ -112,22 +118,38 @@ def _loaded_definitions(module: ModuleType) -> Iterator[str]:
     """
     for name, value in sorted(vars(module).items()):
         if inspect.isfunction(value) and value.__module__ == module.__name__:
-            yield f"{name} {code_text(value.__code__)}"
+            yield f"{name} {code_text(value.__code__)} {bound_values(value)}"
         elif isinstance(value, type) and issubclass(value, tuple):
             yield f"{name} {getattr(value, '_fields', ())}"
-        elif not name.startswith("__") and is_plain(value):
-            yield f"{name} {value!r}"
+        elif not name.startswith("__") and (text := value_text(value)):
+            yield f"{name} {text}"
 
 
 def code_text(code: CodeType) -> str:
     """Return the operations of a function as text, without its position in the file."""
     nested = [code_text(each) for each in code.co_consts if isinstance(each, CodeType)]
-    constants = [repr(each) for each in code.co_consts if is_plain(each)]
+    constants = list(filter(None, map(value_text, code.co_consts)))
     return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants} {nested}"
 
 
-def is_plain(value: Any) -> bool:
-    """Return whether a value is a number, a text, None, or a tuple of such."""
+def bound_values(function: FunctionType) -> list[str]:
+    """Return the constants in a function's closure and in the defaults of its arguments."""
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    defaults = (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values())
+    return list(filter(None, map(value_text, (*cells, *defaults))))
+
+
+def value_text(value: Any) -> str:
+    """Return a constant of compiled code as text; empty for functions, modules and other objects.
+
+    A constant is a number, a text, None, an array, or a tuple of such.
+    """
     if isinstance(value, tuple):
-        return all(map(is_plain, value))
-    return value is None or isinstance(value, int | float | str)
+        texts = [*map(value_text, value)]
+        return f"({', '.join(texts)})" if all(texts) else ""
+    if value is None or isinstance(value, int | float | complex | str):
+        return repr(value)
+    if hasattr(value, "dtype") and hasattr(value, "tobytes"):
+        digest = hashlib.sha256(value.tobytes()).hexdigest()
+        return f"{value.dtype} {value.shape} {digest}"
+    return ""

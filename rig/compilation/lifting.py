@@ -155,7 +155,7 @@ def tuple_types(tree: Any) -> set[type]:
 def compilation_problem(function: Callable[..., Any], *arguments: Any) -> str:
     """Return in one line why a function cannot be compiled for arguments; empty if it can."""
     try:
-        numba.njit(error_model="numpy")(function)(*arguments)
+        numba.njit(function)(*arguments)
     except numba.core.errors.NumbaError as error:
         return first_reason(str(error))
     except Exception as error:  # noqa: BLE001  numba raises errors of its own insides, too

@@ -18,7 +18,7 @@ from numba import float64, int64, njit
 {imports}
 
 
-@njit((float64[::1], {types}), cache=True, error_model="numpy")
+@njit((float64[::1], {types}), cache=True)
 def advance(x, {arguments}):
     params = {params}
     state = {state}

@@ -11,8 +11,15 @@ from llvmlite import binding, ir
 from rig.compilation import lifting
 from rig.compilation.cache_folder import write_bytes_atomically
 from rig.compilation.tick_source import TickSource
-from rig.realtime.compiled_tick import ENTRY, EXCEPTION_TEXT, FILES, is_complete, read_objects
-from rig.realtime.object_code import function_at
+from rig.realtime.compiled_tick import (
+    ENTRY,
+    EXCEPTION_TEXT,
+    FILES,
+    is_complete,
+    read_objects,
+    with_checksum,
+)
+from rig.realtime.object_code import ObjectCodeError, function_at
 
 
 class CompilationError(ValueError):
@@ -33,15 +40,15 @@ def compile_tick(source: TickSource) -> Path:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not is_complete(folder):
             for name, content in zip(FILES, _compiled(source), strict=True):
-                write_bytes_atomically(folder / name, content)
+                write_bytes_atomically(folder / name, with_checksum(content))
     return folder
 
 
 def objects_of(source: TickSource) -> list[bytes]:
-    """Return the object code of a tick, also if the cache cannot be written."""
+    """Return the object code of a tick, also if the cache cannot be written or is damaged."""
     try:
         return read_objects(compile_tick(source))
-    except OSError:
+    except (OSError, ObjectCodeError):
         return list(_compiled(source))
 
 

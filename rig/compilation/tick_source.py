@@ -16,7 +16,7 @@ from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
-from rig.compilation.cache_folder import code_folder, code_text, is_plain
+from rig.compilation.cache_folder import bound_values, code_folder, code_text
 from rig.realtime import coupled_ticks, cycle, tick_memory
 from rig.realtime.coupled_ticks import Coupling
 from rig.realtime.safety import STOP_0
@@ -46,7 +46,7 @@ store_row = storer({row})
 
 _TICK = """
 
-@njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit("int64(int64)", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def tick(m):
     header = load_header(m)
     timing = cycle.Timing(header.lateness, header.work, header.skipped)
@@ -88,7 +88,7 @@ def tick_once(m, header, params, plant, tick, out):
     return 1 if interrupted or awaits or state.safety.mode == {stop_0} else 0
 
 
-@njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit("int64(int64)", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def tick(m):
     header = load_header(m)
     params = load_params(m + {at_params})
@@ -240,44 +240,70 @@ class Dependencies(NamedTuple):
 def dependencies(
     kind: cycle.Kind, others: Iterable[Any], known: Iterable[type] = ()
 ) -> Dependencies:
-    """Return what the cycle of a kind and ``others``, functions and types, depend on."""
-    step, *called = reachable(cycle.make(kind), *others)
+    """Return what the cycle of a kind and ``others``, functions and types, depend on.
+
+    ``known``: further types.
+    """
+    step = cycle.make(kind)
+    found = all_of((step, *others), known)
+    return found._replace(functions=tuple(each for each in found.functions if each is not step))
+
+
+def all_of(first: Iterable[Any], known: Iterable[type] = ()) -> Dependencies:
+    """Return what functions and types depend on, the functions themselves included."""
+    called = list(reachable(*first))
     used = {each.__name__ for each in called if isinstance(each, ModuleType)}
     called = [each for each in called if not isinstance(each, ModuleType)]
-    owners = (used | {each.__module__ for each in (step, *called, *known)}) & sys.modules.keys()
+    owners = (used | {each.__module__ for each in (*called, *known)}) & sys.modules.keys()
     functions = tuple(each for each in called if inspect.isfunction(each))
     modules = tuple(sys.modules[name] for name in sorted(owners))
-    return Dependencies(functions, modules, _digest((step, *functions)))
+    return Dependencies(functions, modules, _digest(functions))
 
 
-def reachable(first: Any, *others: Any) -> Iterator[Any]:
-    """Yield functions, the first one first, and all that they may call, each once.
+def reachable(*first: Any) -> Iterator[Any]:
+    """Yield functions and types, and all that they may use, each once.
 
     That is plain functions, types of NamedTuples, enumerations, and modules of this project or of a
-    user from which a function reads.
+    user from which a function reads, also modules in packages and those of functions that a user
+    has compiled.
     """
     seen: set[Any] = set()
-    waiting = [*others, first]
+    waiting = [*first]
     while waiting:
         each = waiting.pop()
+        compiled = getattr(each, "py_func", None)  # by a user
+        each = compiled or each
         is_type = isinstance(each, type) and issubclass(each, tuple | Enum)
         if not (is_type or inspect.isfunction(each)) or each in seen:
             continue
         seen.add(each)
-        yield each
+        if compiled is None:
+            yield each
         if is_type:
             continue
-        waiting += [cell.cell_contents for cell in each.__closure__ or ()]
-        names = set(_names(each.__code__))
-        for name in names:
-            value = each.__globals__.get(name)
-            if isinstance(value, ModuleType):
-                if value not in seen and _has_own_source(value):
-                    seen.add(value)
-                    yield value
-                waiting += [getattr(value, attribute, None) for attribute in names]
-            else:
-                waiting.append(value)
+        values, modules = _values_and_modules(each)
+        if compiled is not None:
+            modules.add(sys.modules[each.__module__])
+        waiting += values
+        yield from modules - seen
+        seen |= modules
+
+
+def _values_and_modules(function: FunctionType) -> tuple[list[Any], set[ModuleType]]:
+    """Return the values that a function may use, and the modules from which it reads them."""
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    values = [*cells, *(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
+    names = set(_names(function.__code__))
+    waiting = [function.__globals__.get(name) for name in names]
+    modules: set[ModuleType] = set()
+    while waiting:
+        value = waiting.pop()
+        if not isinstance(value, ModuleType):
+            values.append(value)
+        elif value not in modules:
+            modules.add(value)
+            waiting += [getattr(value, name, None) for name in names]
+    return values, {*filter(_has_own_source, modules)}
 
 
 def _names(code: CodeType) -> Iterator[str]:
@@ -294,11 +320,10 @@ def _has_own_source(module: ModuleType) -> bool:
 
 
 def _digest(functions: Iterable[FunctionType]) -> str:
-    """Return a hash of functions without a file, and of the plain values in all closures."""
+    """Return a hash of functions without a file, and of the constants bound to all of them."""
     texts = []
     for each in functions:
         if each.__code__.co_filename.startswith("<"):
             texts.append(code_text(each.__code__))
-        cells = [cell.cell_contents for cell in each.__closure__ or ()]
-        texts += [f"{each.__name__} {value!r}" for value in cells if is_plain(value)]
+        texts += [f"{each.__name__} {text}" for text in bound_values(each)]
     return hashlib.sha256("\n".join(sorted(texts)).encode()).hexdigest()

@@ -26,6 +26,7 @@ from rig.processes.last_logger import LastLogger
 from rig.processes.mailbox import LoopMailbox
 from rig.processes.messages import (
     CodeMissing,
+    Compiled,
     LoopJob,
     LoopPrivileges,
     Refused,
@@ -121,6 +122,7 @@ def main(tick: Any, device_module: Any) -> None:
             measure_work=job.real_clock,
             code=code,
             couple=couple,
+            on_compiled=lambda tick: report(Compiled(tick)),
         )
         report(end)
     finally:

@@ -93,6 +93,12 @@ class CodeMissing(NamedTuple):
     """The loop runs interpreted until its ticks are compiled."""
 
 
+class Compiled(NamedTuple):
+    """The loop runs compiled from here on."""
+
+    first_tick: int
+
+
 class Refused(NamedTuple):
     """A process cannot begin its work, or go on with it."""
 
@@ -141,6 +147,7 @@ Report = (
     | LoopResult
     | WireReport
     | CodeMissing
+    | Compiled
     | Refused
     | Ready
     | Notice

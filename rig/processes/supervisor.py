@@ -26,6 +26,7 @@ from rig.processes.io_processes import IoProcessError, IoProcesses
 from rig.processes.mailbox import Mailbox, SupervisorMessage, live_setpoint_type
 from rig.processes.messages import (
     CodeMissing,
+    Compiled,
     DiskState,
     LoggerJob,
     LoopJob,
@@ -161,6 +162,7 @@ class SupervisedRun:
         self._end: LoopResult | None = None
         self._refused = ""
         self._died = ""
+        self._compiled_from = -1
         self._log_abandoned = False  # the rest of the log is abandoned
         self._loop_progress = StallTimer()
         self._log_progress = StallTimer()
@@ -430,6 +432,8 @@ class SupervisedRun:
                 case CodeMissing():
                     if self._compiler is not None:
                         self._compiler.start()
+                case Compiled(tick):
+                    self._compiled_from = tick
                 case Refused(why):
                     self._refused = why
                 case LoopResult():
@@ -494,7 +498,7 @@ class SupervisedRun:
             died=self._died,
             messages=(*self._io_processes.messages, *self._trip_messages(), *_code_messages(end)),
             moved=self._whereabouts.problem,
-            compiled_from=end.compiled_from if end else -1,
+            compiled_from=self._compiled_from,
         )
 
 

@@ -9,9 +9,11 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 
+from rig.compilation.cache_folder import remove_unused_code
 from rig.compilation.tick_source import TickSource, tick_source
 from rig.processes import handover
 from rig.processes.child import start_process
@@ -21,6 +23,7 @@ from rig.processes.run_types import ExecutionMode, Task
 
 MODULE = "rig.processes.tick_compiler"
 _LOWEST_PRIORITY = 19
+_WATCH_S = 1.0  # s between looks for the run
 _COMPILER_S = 30.0  # s that the compiler takes beside a run on two cores
 _INTERPRETED_TICK_S = 50e-6  # s of an interpreted tick of a rehearsal
 
@@ -103,6 +106,7 @@ def source_of(tick: str, job: CompileJob) -> TickSource:
 def main(tick: str) -> None:
     """Compile the tick of the job on standard input, unless another process compiles it."""
     ignore_terminal_signals()
+    threading.Thread(target=_end_with_the_run, args=(os.getppid(),), daemon=True).start()
     os.nice(_LOWEST_PRIORITY)
     text = sys.stdin.read()
     kind = importlib.import_module(tick).find_kind(handover.read_field(CompileJob, text, "law"))
@@ -114,6 +118,14 @@ def main(tick: str) -> None:
         compile_tick(source)
     except (CompilationError, OSError) as error:
         sys.exit(f"the tick runs interpreted, it cannot be compiled: {error}")
+    remove_unused_code()
+
+
+def _end_with_the_run(supervisor: int) -> None:
+    """End this process after its supervisor was killed; files of the cache are written at once."""
+    while os.getppid() == supervisor:
+        time.sleep(_WATCH_S)
+    os._exit(1)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rig.realtime import cycle
-from rig.realtime.compiled_tick import is_complete, load_at_once
+from rig.realtime.compiled_tick import exists, load_at_once
 from rig.realtime.live_setpoints import Numbers, write_live_setpoint
 from rig.realtime.object_code import ObjectCodeError
 from rig.realtime.requests import NO_REQUEST, Request
@@ -134,7 +134,7 @@ class CoupledChangeover:
         """Return the ticks to go on with if the code is there; call it between two ticks."""
         looks = self._calls % TICKS_BETWEEN_LOOKS == 0
         self._calls += 1
-        if not looks or not is_complete(self._folder):
+        if not looks or not exists(self._folder):
             return None
         try:
             coupling = self._couple()

@@ -42,16 +42,17 @@ def run(
     measure_work: bool,
     code: Path | None = None,
     couple: Callable[[], Coupling] | None = None,
+    on_compiled: Callable[[int], None] = lambda tick: None,
 ) -> LoopResult:
     """Run ticks until the safety machine has removed the power, then `LINGER_TICKS` more.
 
-    Every exit, an exception included, ends in repeated stops: when this function returns or
-    raises, the last command to every device is a stop. The loop calls ``external_request`` every
-    `EXTERNAL_REQUEST_INTERVAL` for a request that does not come by mailbox (supervisor lost,
-    process terminated). ``measure_work``: log how long each tick took (real clock only, so that
-    rehearsals repeat bit for bit). ``code``: folder where the code of the compiled tick is or will
-    be; without one the tick stays interpreted. ``couple`` returns the simulated plant, on the
-    virtual clock: then the code is that of loop and plant together.
+    When this function returns or raises, the last command to every device is a stop, repeated. The
+    loop calls ``external_request`` every `EXTERNAL_REQUEST_INTERVAL` for a request that does not
+    come by mailbox (supervisor lost, process terminated). ``measure_work``: log how long each tick
+    took (real clock only, so that rehearsals repeat bit for bit). ``code``: folder where the code
+    of the compiled tick is or will be; without one the tick stays interpreted. ``couple`` returns
+    the simulated plant, on the virtual clock: then the code is that of loop and plant together.
+    ``on_compiled`` is called before the first compiled tick.
     """
     reason = Reason.EXCEPTION.value
 
@@ -84,7 +85,6 @@ def run(
             if ticks % request_ticks == 0:
                 external = external_request()
             request = reader.read(external)
-
             if measure_work or periods != 1:  # otherwise the timing has not changed
                 timing = cycle.Timing(lateness, work, skipped)
             exchange(now, request, tick, timing, periods)
@@ -93,8 +93,8 @@ def run(
             if execution.mode == STOP_0:
                 linger += 1
             elif changeover and (found := changeover.advance()) is not None:
-                problem = changeover.problem
-                compiled_from = -1 if problem else tick + 1
+                if not (problem := changeover.problem):
+                    on_compiled(compiled_from := tick + 1)
                 reader.execution = found
                 if isinstance(found, CoupledTicks):
                     ticks += _execute_to_end(

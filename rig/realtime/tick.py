@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from rig.realtime import cycle, tick_memory
 from rig.realtime.clock import Clock
-from rig.realtime.compiled_tick import is_complete, load
+from rig.realtime.compiled_tick import exists, load
 from rig.realtime.devices import Devices, FlatDevices, PackedDevices
 from rig.realtime.live_setpoints import (
     Numbers,
@@ -160,10 +160,20 @@ class CompiledTick:
     """The same cycle compiled; it works on a `TickMemory` and writes rows in their place."""
 
     def __init__(
-        self, memory: tick_memory.TickMemory, code: Any, dt: float, rows: RowSink, mode: int
+        self,
+        memory: tick_memory.TickMemory,
+        code: Any,
+        dt: float,
+        rows: RowSink,
+        mode: int,
+        interpreted: InterpretedTick | None = None,
     ) -> None:
-        """``code``: of `rig.realtime.compiled_tick.load`; ``mode``: before the first step."""
+        """``code``: of `rig.realtime.compiled_tick.load`; ``mode``: before the first step.
+
+        ``interpreted`` repeats a step that raises, for the message of the exception.
+        """
         self._memory = memory  # it owns the tables that the code reads
+        self._interpreted = interpreted
         self._code, self._mode = code, mode
         self._set_header = partial(memory.sections["header"].layout.pack_into, memory.buffer, 0)
         self._dt, self._reserve, self.log = dt, rows.reserve, rows.publish
@@ -198,7 +208,14 @@ class CompiledTick:
         """Run a step on the readings in memory, which then also has the command."""
         row, _ = self._reserve()
         self._set_header(*request, tick, *timing, periods, self._dt, row)
-        self._mode = self._code()
+        try:
+            self._mode = self._code()
+        except ArithmeticError:
+            if self._interpreted is not None:
+                self._interpreted.state = self._memory.state()
+                sense = self._memory.get("sense")
+                self._interpreted.step(sense, request, tick, timing, periods)
+            raise
 
     def connect(self, devices: Devices, clock: Clock) -> Exchange:
         flat: FlatDevices | PackedDevices
@@ -276,7 +293,7 @@ class Changeover:
         return None
 
     def _load(self) -> Generator[None, None, Tick]:
-        while not is_complete(self._folder):
+        while not exists(self._folder):
             for _ in range(TICKS_BETWEEN_LOOKS):
                 yield
         yield
@@ -288,4 +305,5 @@ class Changeover:
         code = yield from load(self._folder, memory)
         memory.set_state(self._interpreted.state)
         copy_live_setpoints(self._interpreted.params, memory)
-        return CompiledTick(memory, code, self._dt, self._rows, self._interpreted.mode)
+        mode = self._interpreted.mode
+        return CompiledTick(memory, code, self._dt, self._rows, mode, self._interpreted)

@@ -120,7 +120,7 @@ def test_parameters_are_named_in_words_with_their_unit() -> None:
 def test_lines_have_their_rows_at_the_right_end_where_there_is_room() -> None:
     axes = Figure().subplots()
     values = np.array([-10.0, -9.9, -5.0, np.nan, 0.0])
-    pictures._label_rows(axes, 3.0, values, np.array([7, 8, 9, 10, 11]), range(5))
+    pictures._label_rows(axes, 3.0, values, np.array([7, 8, 9, 10, 11]), range(5), 0.3)
     labels = {text.get_text(): text.xy for text in axes.texts}  # type: ignore[attr-defined]
     assert labels == {"7": (3.0, -10.0), "9": (3.0, -5.0), "11": (3.0, 0.0)}
 

@@ -20,7 +20,7 @@ from golden_runs import KINDS, record
 
 from rig.compilation.cache_folder import code_folder
 from rig.compilation.tick_code import CompilationError, compile_tick
-from rig.compilation.tick_source import TickSource, dependencies, tick_source
+from rig.compilation.tick_source import TickSource, all_of, dependencies, tick_source
 from rig.execution import replay
 from rig.realtime import (
     compiled_tick,
@@ -388,6 +388,10 @@ def make(limit):
 """
 
 
+ARRAY = "import numpy as np\n\nT = np.array([1.0, {}])\n"
+OF_A_USER = "import numba\n\nB = {}\n\n\n@numba.njit\ndef f(x):\n    return B * x\n"
+
+
 def test_an_edit_of_a_constant_or_of_a_value_in_a_closure_gives_another_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -410,6 +414,40 @@ def test_an_edit_of_a_constant_or_of_a_value_in_a_closure_gives_another_folder(
     assert found(2, 5.0) == (names, digest, folder)
     assert found(3, 5.0)[2] != folder
     assert found(2, 6.0)[1] != digest
+
+
+@pytest.mark.parametrize(
+    ("imports", "law", "helper"),
+    [
+        ("import own_package.part", "step(x): return own_package.part.GAIN * x", "GAIN = {}"),
+        ("from own_package import part", "step(x, top=part.TOP): return top * x", "TOP = {}"),
+        ("from own_package.part import T", "step(x): return T[0] * x", ARRAY),
+        ("from own_package.part import f", "step(x): return f(x)", "def f(x, a={}): return a * x"),
+        ("from own_package.part import f", "step(x): return f(x)", OF_A_USER),
+        ("from own_package.part import A\nB = (1.0, A)", "step(x): return B[1]", "A = {}"),
+    ],
+)
+def test_an_edit_of_what_a_law_imports_gives_another_folder(
+    imports: str, law: str, helper: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a module in a package, a default, an array, a function that the user compiled."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    (tmp_path / "own_package").mkdir()
+    (tmp_path / "own_package" / "__init__.py").write_text("")
+    (tmp_path / "own_step.py").write_text(f"{imports}\n\n\ndef {law}\n")
+
+    def found(value: float) -> tuple[str, Path]:
+        (tmp_path / "own_package" / "part.py").write_text(helper.format(value) + "\n")
+        for name in ("own_package", "own_package.part", "own_step"):
+            sys.modules.pop(name, None)
+        importlib.invalidate_caches()
+        linecache.clearcache()
+        needed = all_of([importlib.import_module("own_step").step])
+        return needed.digest, code_folder("", needed.modules)
+
+    assert found(2.0) == found(2.0)
+    assert len({found(2.0), found(3.0), found(2.5)}) == 3
 
 
 class Rows:

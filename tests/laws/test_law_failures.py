@@ -29,16 +29,23 @@ LATE = """\
 
 def run_of(folder: Path, code: str, *options: str) -> tuple[str, dict[str, Any], int]:
     """Run a law with code that acts after 3.5 s; return errors, status, and the code's line."""
-    path = write_example(folder)
-    law = GOOD.replace("    c1: Ramp\n", "    c1: Ramp\n    ticks: int\n", 1)
-    law = law.replace("ramp_start(0.0))", "ramp_start(0.0), 0)", 1)
-    law = law.replace("    return State(c0, c1),", LATE.format(code=code), 1)
-    (folder / "growing_damping.py").write_text(law)
+    path = write_law(folder, code)
+    law = (folder / "growing_damping.py").read_text()
     exit_code, _, errors = rig_here("run", path, "--runs", folder / "runs", *options)
     assert exit_code != 0
     (run,) = (folder / "runs").iterdir()
     line = law.partition(code)[0].count("\n") + 1
     return errors, json.loads((run / STATUS).read_text()), line
+
+
+def write_law(folder: Path, code: str) -> Path:
+    """Write a campaign and its law, whose code acts after 3.5 s."""
+    path = write_example(folder)
+    law = GOOD.replace("    c1: Ramp\n", "    c1: Ramp\n    ticks: int\n", 1)
+    law = law.replace("ramp_start(0.0))", "ramp_start(0.0), 0)", 1)
+    law = law.replace("    return State(c0, c1),", LATE.format(code=code), 1)
+    (folder / "growing_damping.py").write_text(law)
+    return path
 
 
 def test_exception_of_a_law_is_named_with_its_line(tmp_path: Path) -> None:
@@ -48,6 +55,39 @@ def test_exception_of_a_law_is_named_with_its_line(tmp_path: Path) -> None:
     assert status["reason"].startswith("loop: the law raised an exception: ")
     assert status["reason"].endswith(text)
     assert text in errors
+
+
+@pytest.mark.slow
+@pytest.mark.sampled
+@pytest.mark.parametrize(
+    "code",
+    [
+        "force = force / (0.0 * force)",
+        "force = 1.0 / (1.0 / (0.0 * force))",  # without the check of a division: 0.0
+        "force = force + ticks // (ticks - 3500)",
+        "force = force + ticks % (ticks - 3500)",
+        "force = (force,)[ticks]",
+    ],
+)
+def test_an_exception_ends_a_run_in_the_same_tick_in_both_executions(
+    code: str, tmp_path: Path
+) -> None:
+    found = []
+    for execution in ("interpreted", "compiled"):
+        folder = tmp_path / execution
+        folder.mkdir()
+        path = write_law(folder, code)
+        if execution == "compiled":
+            assert rig_here("compile", path)[0] == 0
+        option = ["--interpreted"] if execution == "interpreted" else []
+        assert rig_here("run", path, "--runs", folder / "runs", *option)[0] != 0
+        (run,) = (folder / "runs").iterdir()
+        status = json.loads((run / STATUS).read_text())
+        assert status["compiled_from"] == (1 if execution == "compiled" else -1)
+        found.append((status["status"], status["ticks"]))
+    assert found[0] == found[1]
+    assert found[0][0] == "crashed"
+    assert EXCEPTION_TEXT in status["reason"]
 
 
 @pytest.mark.parametrize("options", [("--interpreted",), ()])

@@ -6,6 +6,8 @@ import json
 import os
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 import time
 from contextlib import suppress
@@ -23,7 +25,8 @@ from rig.execution.task import run_task
 from rig.kinds.rig_file import kind_of_task
 from rig.processes.run_types import ExecutionMode, Snapshot, Task
 from rig.processes.tick_compiler import compile_job, source_of
-from rig.realtime.compiled_tick import FILES
+from rig.realtime.compiled_tick import FILES, is_complete, read_objects
+from rig.realtime.object_code import ObjectCodeError
 from rig.recording.runs import open_run
 
 pytestmark = pytest.mark.sampled(pool="compiled rehearsals")
@@ -99,6 +102,61 @@ def test_a_run_with_code_in_the_cache_is_compiled_from_its_beginning(
     folder, status = run(path, tmp_path)
     assert (status["status"], status["compiled_from"]) == ("complete", 1)
     assert not (folder / "compiler.stderr").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FILES)
+def test_damaged_code_is_not_run_and_compiled_anew(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A block of zeros, as after a power cut; with it, the process of the loop would die."""
+    code = code_folders(QUICK)["rehearsal"]
+    assert code is not None
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    place = tmp_path / "cache" / "wec-rig" / code.name
+    shutil.copytree(code, place)
+    content = bytearray((place / name).read_bytes())
+    at = len(content) // 2 // 512 * 512
+    assert any(content[at : at + 512])
+    content[at : at + 512] = bytes(512)
+    (place / name).write_bytes(content)
+    with pytest.raises(ObjectCodeError, match="is damaged; rig compile compiles it anew"):
+        read_objects(place)
+    _, status = run(QUICK, tmp_path)  # too short to wait for the compiler
+    assert (status["status"], status["compiled_from"]) == ("complete", -1)
+    assert not any((place / each).exists() for each in FILES)
+    (place / name).write_bytes(content[:-2000])
+    assert not is_complete(place)
+
+
+@pytest.mark.slow
+def test_the_compiler_of_a_killed_run_ends(tmp_path: Path) -> None:
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    campaign = CONFIGS / "campaigns" / "default.yaml"
+    command = [sys.executable, "-m", "rig", "run", str(campaign), "--runs", str(tmp_path)]
+    running = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 60.0
+
+    def compilers() -> list[str]:
+        found = subprocess.run(
+            ["pgrep", "-f", "rig.processes.tick_compiler"],
+            check=False, capture_output=True, text=True,
+        ).stdout.split()  # fmt: skip
+        own = []
+        for number in found:
+            with suppress(OSError):  # it has ended since
+                if str(tmp_path) in Path(f"/proc/{number}/environ").read_text():
+                    own.append(number)
+        return own
+
+    while not compilers():
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    running.kill()
+    running.wait()
+    while compilers():
+        assert time.monotonic() < end
+        time.sleep(0.1)
 
 
 @pytest.mark.slow

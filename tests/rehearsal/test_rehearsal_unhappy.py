@@ -461,7 +461,11 @@ def test_full_disk_stops_the_rig_and_saves_the_record_elsewhere(
     assert result.folder.parent == home
     assert "No space left on device" in result.outcome.moved
     found = ticks(result.folder)["tick"].values
-    assert np.array_equal(found, np.arange(result.outcome.ticks))
+    # A compiled run may fill the ring before it stops; the record states the rows that it lacks.
+    missing = np.setdiff1d(np.arange(result.outcome.ticks), found)
+    assert len(missing) == result.outcome.dropped
+    assert np.all(np.diff(missing) == 1)
+    assert result.outcome.dropped == 0 or result.outcome.compiled_from == 1
 
 
 def test_full_disk_without_a_rescue_folder_keeps_the_written_rows(

@@ -173,9 +173,10 @@ def test_the_time_axis_goes_on_over_the_interruption(whole: Path, place: Path) -
     ticks = data["tick"].values
     assert np.all(np.diff(ticks) > 0)
     assert np.allclose(data["time"].values, ticks * 1e-3, rtol=0, atol=1e-9)
-    (joint,) = np.flatnonzero(np.diff(ticks) > 1)
-    pause = int(ticks[joint + 1] - ticks[joint]) - 1
-    assert data["timing.skipped"].values[-1] == pause  # nothing was lost in it
+    pauses = np.diff(ticks) - 1
+    # None if the second stage begins before so much time has passed as the first one simulated.
+    assert np.count_nonzero(pauses) <= 1
+    assert data["timing.skipped"].values[-1] == pauses.sum()  # nothing was lost in it
     assert data.attrs["record"] == "complete"
 
 

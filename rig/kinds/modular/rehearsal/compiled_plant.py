@@ -44,7 +44,7 @@ from sim_plant.modes.readings import sample
 
 
 @njit((float64[::1], int64[::1], float64[::1], float64[::1], int64, int64, float64, float64),
-      cache=True, error_model="numpy")
+      cache=True)
 def advance(numbers, whole, inputs, readings, fresh, tick, elevation, dt):
     {slices}
     params = ModesParams({fields})

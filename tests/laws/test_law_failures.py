@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 from rig_command import rig_here
 from test_adding_a_law import PAGE, write_example
 
+from rig.analysis.rows import row_table
 from rig.processes.loop_process import _failure_text
 from rig.processes.not_finite import first_not_finite
 from rig.realtime.compiled_tick import EXCEPTION_TEXT
@@ -88,6 +91,34 @@ def test_an_exception_ends_a_run_in_the_same_tick_in_both_executions(
     assert found[0] == found[1]
     assert found[0][0] == "crashed"
     assert EXCEPTION_TEXT in status["reason"]
+
+
+@pytest.mark.long
+def test_an_edit_of_an_imported_module_is_never_served_stale(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    path = write_example(tmp_path)
+    law = "import own_gains.part\n" + GOOD.replace("clamp(-", "own_gains.part.GAIN * clamp(-", 1)
+    assert "GAIN" in law
+    (tmp_path / "growing_damping.py").write_text(law)
+    (tmp_path / "own_gains").mkdir()
+    (tmp_path / "own_gains" / "__init__.py").write_text("")
+
+    def powers(gain: float, *options: str) -> list[float]:
+        (tmp_path / "own_gains" / "part.py").write_text(f"GAIN = {gain}\n")
+        for command in (["compile"], ["run", "--runs", str(tmp_path / "runs"), *options]):
+            arguments = [sys.executable, "-m", "rig", *command, str(path)]
+            subprocess.run(arguments, check=True, capture_output=True)
+        newest = max((tmp_path / "runs").iterdir(), key=lambda run: run.stat().st_ctime)
+        compiled_from = json.loads((newest / STATUS).read_text())["compiled_from"]
+        assert compiled_from == (-1 if options else 1)
+        found: list[float] = row_table(newest)["power_mechanical_2"].values.tolist()
+        return found
+
+    assert powers(1.0) != powers(2.0)
+    assert powers(2.0) == powers(2.0, "--interpreted")
 
 
 @pytest.mark.parametrize("options", [("--interpreted",), ()])

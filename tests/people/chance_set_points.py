@@ -148,7 +148,7 @@ def execute(
     with pytest.MonkeyPatch.context() as patch:
         for each in (coupled_ticks, tick):
             patch.setattr(each, "TICKS_BETWEEN_LOOKS", 1)
-            patch.setattr(each, "is_complete", lambda _: rows.head >= (code_at or 0))
+            patch.setattr(each, "exists", lambda _: rows.head >= (code_at or 0))
         end = loop.run(
             task.kind, task.params, devices, VirtualClock(task.dt), rows, people, lambda: 0,
             measure_work=False, code=rig.code if code_at is not None else None,

@@ -23,10 +23,12 @@ class Chromium:
     """A browser without a window, and its one page."""
 
     def __init__(self, profile: Path) -> None:
+        if PROGRAM is None:
+            raise FileNotFoundError("chromium is not installed")
         profile.mkdir(parents=True, exist_ok=True)
         self._process = subprocess.Popen(
             [
-                str(PROGRAM),
+                PROGRAM,
                 "--headless=new",
                 "--no-sandbox",
                 "--disable-gpu",

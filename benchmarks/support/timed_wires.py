@@ -84,14 +84,14 @@ def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
 
     def stamp_from_here(dt: float) -> None:
         warm_up(dt)
-        bus, receive = changed._can._bus, changed._can.receive
+        bus, receive = changed._drives._bus, changed._drives.receive
 
         def timed_receive() -> float:
             time: float = receive()
             stamps.mark()
             return time
 
-        changed._can.receive = timed_receive
+        changed._drives.receive = timed_receive
         bus._link.drain = stamps.around(bus._link.drain)
         bus.send = stamps.around(bus.send)
         changed.read_in_place = stamps.around(wired.read_in_place)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -269,6 +270,24 @@ def test_a_failed_measurement_is_reported(
 
     assert run_with(broken) == 1
     assert "not measured: tick: RuntimeError: no such thing here" in capsys.readouterr().err
+
+
+NEEDS = {"page_memory": "chromium", "lateness": "cyclictest"}
+
+
+@pytest.mark.realtime
+@pytest.mark.long(soak=True)
+@pytest.mark.parametrize("name", runner.MEASUREMENTS)
+def test_each_benchmark_runs_in_its_short_form(name: str) -> None:
+    if (program := NEEDS.get(name)) and shutil.which(program) is None:
+        pytest.skip(f"no {program}")
+    command = [sys.executable, "-m", "benchmarks", name, "--short", "--json"]
+    root = Path(runner.__file__).parents[1]
+    done = subprocess.run(command, cwd=root, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["failed"] == []
+    assert document["results"][name]["figures"]
 
 
 def test_every_measurement_has_the_name_of_its_file(

@@ -305,7 +305,7 @@ def test_unknown_references_and_processors_are_refused(monkeypatch: pytest.Monke
 def test_the_loop_goes_on_interpreted_with_code_that_cannot_be_loaded(tmp_path: Path) -> None:
     run = recorded("cots")
     for name in compiled_tick.FILES:
-        (tmp_path / name).write_bytes(b"no code")
+        (tmp_path / name).write_bytes(compiled_tick.with_checksum(b"no code"))
     fd = ring.create(run.kind.row_type, 8192)
     rows = ring.RingWriter(fd, run.kind.row_type, wait=False)
     interpreted = InterpretedTick(run.kind, run.params, run.dt, rows)
@@ -325,7 +325,7 @@ def test_an_exception_in_the_code_is_raised(tmp_path: Path, *, lets_others_run: 
 
     from rig.compilation.tick_code import _objects
 
-    @njit("int64(int64)", error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    @njit("int64(int64)", no_cpython_wrapper=True, no_cfunc_wrapper=True)
     def fails(address: int) -> int:
         if address != 0:
             raise ValueError("no")

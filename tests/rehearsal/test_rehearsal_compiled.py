@@ -25,7 +25,7 @@ from rig.execution.task import run_task
 from rig.kinds.rig_file import kind_of_task
 from rig.processes.run_types import ExecutionMode, Snapshot, Task
 from rig.processes.tick_compiler import compile_job, source_of
-from rig.realtime.compiled_tick import FILES, is_complete, read_objects
+from rig.realtime.compiled_tick import FILES, is_complete, read_objects, with_checksum
 from rig.realtime.object_code import ObjectCodeError
 from rig.recording.runs import open_run
 
@@ -192,7 +192,7 @@ def test_code_that_cannot_be_used_is_reported(
     place = tmp_path / "cache" / "wec-rig" / code.name
     place.mkdir(parents=True)
     for name in FILES:
-        (place / name).write_bytes(b"no code")
+        (place / name).write_bytes(with_checksum(b"no code"))
     _, status = run(SESSION, tmp_path)
     assert (status["status"], status["compiled_from"]) == ("complete", -1)
     (message,) = status["messages"]

@@ -85,9 +85,9 @@ def reference_warnings(campaign: AnyCampaign) -> Iterator[Problem]:
     factor, peak = newtons_per_ampere(axis), campaign.limits.axes[reference.axis].current_peak_a
     scale = max(point.values.get("reference_scale", 1.0) for point in campaign.points)
     if scale * reference.force_amplitude(factor) > peak * factor:
-        word, unit = ("torque", "N*m") if rotates else ("force", "N")
+        quantity, unit = ("torque", "N*m") if rotates else ("force", "N")
         message = (
-            f"{word} is cut: current_peak_a = {format_number(peak)} A of {reference.axis} is "
+            f"{quantity} is cut: current_peak_a = {format_number(peak)} A of {reference.axis} is "
             f"{peak * factor:.4g} {unit}"
         )
         yield campaign.locate.problem(("reference", key), given, message)

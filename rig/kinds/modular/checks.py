@@ -83,7 +83,8 @@ def reference_warnings(campaign: AnyCampaign) -> Iterator[Problem]:
     if isinstance(reference, RecordedReference):
         return
     factor, peak = newtons_per_ampere(axis), campaign.limits.axes[reference.axis].current_peak_a
-    scale = max(point.values.get("reference_scale", 1.0) for point in campaign.points)
+    scales = (point.values.get("reference_scale", 1.0) for point in campaign.points)
+    scale = max(scales, default=1.0)
     if scale * reference.force_amplitude(factor) > peak * factor:
         quantity, unit = ("torque", "N*m") if rotates else ("force", "N")
         message = (

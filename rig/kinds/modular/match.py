@@ -60,7 +60,7 @@ def weak_gains(campaign: AnyCampaign) -> tuple[Problem, ...]:
         if law.linear is None:
             return ()
         forces.append(abs(law.linear(own, set_point, omega)))
-    largest, impedance = max(forces), -match["kp_real"]
+    largest, impedance = max(forces, default=0.0), -match["kp_real"]
     if largest == 0.0 or largest >= WEAK * impedance:
         return ()
     unit = "N*m*s/rad" if campaign.rig.axes[name].motion == ROTATION else "N*s/m"

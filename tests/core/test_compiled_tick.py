@@ -34,7 +34,7 @@ from rig.realtime.clock import VirtualClock
 from rig.realtime.devices import FlatDevices
 from rig.realtime.object_code import ObjectCode, ObjectCodeError
 from rig.realtime.requests import NO_REQUEST
-from rig.realtime.tick import Changeover, InterpretedTick
+from rig.realtime.tick import Changeover, CompiledTick, InterpretedTick
 from rig.recording import ring
 from rig.recording.runs import reader, run_info
 
@@ -268,8 +268,7 @@ def load(contents: list[bytes]) -> ObjectCode:
 
 
 def objects() -> list[bytes]:
-    folder = code_of(recorded("cots"))
-    return [(folder / name).read_bytes() for name in compiled_tick.FILES]
+    return compiled_tick.read_objects(code_of(recorded("cots")))
 
 
 @pytest.mark.slow
@@ -336,6 +335,37 @@ def test_an_exception_in_the_code_is_raised(tmp_path: Path, *, lets_others_run: 
     with pytest.raises(ArithmeticError, match="the compiled tick raised an exception"):
         run()
     assert code.function(compiled_tick.ENTRY, bytes(8))() == 1
+
+
+@pytest.mark.parametrize("raises", [True, False])
+def test_a_compiled_step_that_raises_is_repeated_interpreted(*, raises: bool) -> None:
+    """From the state and the readings before it, so that the exception has file and line."""
+    run = recorded("cots")
+    state = cycle.start(run.kind, run.params, 0)
+    memory = tick_memory.of_kind(run.kind, run.params, state, run.dt)
+    fd = ring.create(run.kind.row_type, 64)
+    rows = ring.RingWriter(fd, run.kind.row_type, wait=False)
+
+    def fails() -> int:
+        raise ArithmeticError(compiled_tick.EXCEPTION_TEXT)
+
+    interpreted = InterpretedTick(run.kind, run.params, run.dt, rows)
+    repeated: list[Any] = []
+
+    def step(*arguments: Any) -> Any:
+        repeated.append(arguments)
+        if raises:
+            raise ZeroDivisionError("of the law")
+        return arguments[1], None, None
+
+    interpreted._step = step
+    tick = CompiledTick(memory, fails, run.dt, rows, 0, interpreted)
+    sense = memory.get("sense")
+    error = ZeroDivisionError if raises else ArithmeticError
+    with pytest.raises(error, match="of the law" if raises else compiled_tick.EXCEPTION_TEXT):
+        tick.step(sense, NO_REQUEST, 7, cycle.Timing(0.0, 0.0, 0), 1)
+    ((_, before, readings, request, number, *_),) = repeated
+    assert (before, readings, request, number) == (memory.state(), sense, NO_REQUEST, 7)
 
 
 def test_memory_is_never_writable_and_executable() -> None:

@@ -118,7 +118,7 @@ def _loaded_definitions(module: ModuleType) -> Iterator[str]:
     """
     for name, value in sorted(vars(module).items()):
         if inspect.isfunction(value) and value.__module__ == module.__name__:
-            yield f"{name} {code_text(value.__code__)} {bound_values(value)}"
+            yield f"{name} {code_text(value.__code__)} {bound_texts(value)}"
         elif isinstance(value, type) and issubclass(value, tuple):
             yield f"{name} {getattr(value, '_fields', ())}"
         elif not name.startswith("__") and (text := value_text(value)):
@@ -132,11 +132,15 @@ def code_text(code: CodeType) -> str:
     return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants} {nested}"
 
 
-def bound_values(function: FunctionType) -> list[str]:
-    """Return the constants in a function's closure and in the defaults of its arguments."""
+def bound_values(function: FunctionType) -> list[Any]:
+    """Return the values in a function's closure, and the defaults of its arguments."""
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    defaults = (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values())
-    return list(filter(None, map(value_text, (*cells, *defaults))))
+    return [*cells, *(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
+
+
+def bound_texts(function: FunctionType) -> list[str]:
+    """Return the constants among the `bound_values` of a function as texts."""
+    return list(filter(None, map(value_text, bound_values(function))))
 
 
 def value_text(value: Any) -> str:

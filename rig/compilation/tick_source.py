@@ -16,7 +16,7 @@ from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
-from rig.compilation.cache_folder import bound_values, code_folder, code_text
+from rig.compilation.cache_folder import bound_texts, bound_values, code_folder, code_text
 from rig.realtime import coupled_ticks, cycle, tick_memory
 from rig.realtime.coupled_ticks import Coupling
 from rig.realtime.safety import STOP_0
@@ -291,9 +291,7 @@ def reachable(*first: Any) -> Iterator[Any]:
 
 def _values_and_modules(function: FunctionType) -> tuple[list[Any], set[ModuleType]]:
     """Return the values that a function may use, and the modules from which it reads them."""
-    cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    values = [*cells, *(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
-    names = set(_names(function.__code__))
+    values, names = bound_values(function), set(_names(function.__code__))
     waiting = [function.__globals__.get(name) for name in names]
     modules: set[ModuleType] = set()
     while waiting:
@@ -325,5 +323,5 @@ def _digest(functions: Iterable[FunctionType]) -> str:
     for each in functions:
         if each.__code__.co_filename.startswith("<"):
             texts.append(code_text(each.__code__))
-        texts += [f"{each.__name__} {text}" for text in bound_values(each)]
+        texts += [f"{each.__name__} {text}" for text in bound_texts(each)]
     return hashlib.sha256("\n".join(sorted(texts)).encode()).hexdigest()

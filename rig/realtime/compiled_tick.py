@@ -5,10 +5,12 @@ import zlib
 from collections.abc import Callable, Generator
 from contextlib import suppress
 from pathlib import Path
+from typing import TypeVar
 
-from rig.realtime import object_code
 from rig.realtime.object_code import ObjectCode, ObjectCodeError
 from rig.realtime.tick_memory import FlatMemory
+
+T = TypeVar("T")
 
 FILES = ("tick.o", "entry.o")
 """Object code in a folder of the cache: the tick, and its entry for Python."""
@@ -51,13 +53,7 @@ def read_objects(folder: Path) -> list[bytes]:
 
     Raises OSError, or ObjectCodeError for damaged files.
     """
-    reading = _read(folder)
-    while True:
-        try:
-            next(reading)
-        except StopIteration as end:
-            objects: list[bytes] = end.value
-            return objects
+    return _at_once(_read(folder))
 
 
 def _read(folder: Path) -> Generator[None, None, list[bytes]]:
@@ -93,6 +89,14 @@ def load(folder: Path, memory: FlatMemory) -> Generator[None, None, Callable[[],
 
 def load_at_once(folder: Path, memory: FlatMemory) -> Callable[[], int]:
     """Load the code as `load` does, in one step."""
-    code = object_code.load_at_once(read_objects(folder))
-    run: Callable[[], int] = code.function(ENTRY, memory.own())
-    return run
+    return _at_once(load(folder, memory))
+
+
+def _at_once(steps: Generator[None, None, T]) -> T:
+    """Return the result of all steps."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            result: T = end.value
+            return result

@@ -1,11 +1,11 @@
 """Conversion of a modular rig's validated files to its composition and the loop's parameters."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from controllers import open_loop
 from rig import laws
-from rig.campaign import AnyPlan
+from rig.campaign import AnyCampaign, AnyPlan
 from rig.campaign.assessed import assessment_params
 from rig.config.law_settings import LawSettings
 from rig.config.reference import MultisineReference
@@ -134,3 +134,19 @@ def limits_problems(rig: RigFile, bounds: LimitsFile) -> list[tuple[tuple[str, .
         if name not in rig.axes
     ]
     return problems
+
+
+def linear_response(campaign: AnyCampaign, axis: str) -> Callable[[Any, float], complex]:
+    """Return the force per velocity of an axis' law: a function of set point and omega, rad/s.
+
+    The law in force at the set point must have a linear form. N*s/m or N*m*s/rad.
+    """
+    axis_law, ramp = campaign.axis_laws[axis], campaign.kind.gain_ramp(campaign.rig, axis)
+    settings = campaign.file.law_settings(axis)
+    params = law_params(axis_law.law, settings, ramp, 1.0 / campaign.rig.rate_hz)
+
+    def response(values: Any, omega: float) -> complex:
+        law, own, set_point = axis_law.law.in_force(params, axis_law.set_point(values))
+        return complex(law.module.linear(own, set_point, omega))
+
+    return response

@@ -17,8 +17,8 @@ from rig.campaign.equilibrium import EquilibriumCheck, NoEquilibrium
 from rig.config.law_settings import AxisLaw
 from rig.config.problems import format_number
 from rig.design.axis_params import newtons_per_ampere
-from rig.design.law_params import law_params
 from rig.design.static_stability import largest_gain, unstable_motion
+from rig.kinds.modular.build import linear_response
 from rig.kinds.modular.rehearsal.job import bem_path
 from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import ConfigSource
@@ -88,16 +88,13 @@ def equilibrium_check(campaign: AnyCampaign) -> EquilibriumCheck:
 
 def _axis_gain(campaign: AnyCampaign, plant: Plant, name: str, scale: Floats) -> _AxisGain:
     """Return the gain of an axis whose law has a linear form; ``scale``: of the modes."""
-    axis_law, ramp = campaign.axis_laws[name], campaign.kind.gain_ramp(campaign.rig, name)
-    settings = campaign.file.law_settings(name)
-    params = law_params(axis_law.law, settings, ramp, 1.0 / campaign.rig.rate_hz)
+    response = linear_response(campaign, name)
 
     def ki(values: Any) -> float:
-        law, own, set_point = axis_law.law.in_force(params, axis_law.set_point(values))
-        return float((1j * _LOW * law.module.linear(own, set_point, _LOW)).real)
+        return float((1j * _LOW * response(values, _LOW)).real)
 
     factors = factor_matrix(plant)[list(plant.axes).index(name)] * scale
-    return _AxisGain(name, axis_law, ki, factors, _limits(campaign, plant, name))
+    return _AxisGain(name, campaign.axis_laws[name], ki, factors, _limits(campaign, plant, name))
 
 
 def _limits(campaign: AnyCampaign, plant: Plant, name: str) -> _AxisLimits:

@@ -6,7 +6,7 @@ from rig.campaign import AnyCampaign
 from rig.campaign.set_points import row_setting
 from rig.config.problems import Problem, format_number
 from rig.config.sea import RegularSea
-from rig.design.law_params import law_params
+from rig.kinds.modular.build import linear_response
 from rig.kinds.modular.rehearsal.job import load_model
 from rig.kinds.modular.tick.composition import ROTATION
 from rig.planning.input_files import ConfigSource
@@ -47,20 +47,12 @@ def weak_gains(campaign: AnyCampaign) -> tuple[Problem, ...]:
     if not match or campaign.file.reference is not None:
         return ()
     ((name, axis_law),) = campaign.axis_laws.items()
-    params = law_params(
-        axis_law.law,
-        campaign.file.law_settings(name),
-        campaign.kind.gain_ramp(campaign.rig, name),
-        1.0 / campaign.rig.rate_hz,
-    )
-    omega, forces = 2.0 * np.pi * campaign.file.sea.frequency, []
-    for point in campaign.points:
-        values = row_setting(campaign.kind, campaign.file, campaign.rig, point)
-        law, own, set_point = axis_law.law.in_force(params, axis_law.set_point(values))
-        if law.linear is None:
-            return ()
-        forces.append(abs(law.linear(own, set_point, omega)))
-    largest, impedance = max(forces, default=0.0), -match["kp_real"]
+    rows = [row_setting(campaign.kind, campaign.file, campaign.rig, p) for p in campaign.points]
+    if any(axis_law.chosen(values).linear is None for values in rows):
+        return ()
+    response, omega = linear_response(campaign, name), 2.0 * np.pi * campaign.file.sea.frequency
+    largest = max((abs(response(values, omega)) for values in rows), default=0.0)
+    impedance = -match["kp_real"]
     if largest == 0.0 or largest >= WEAK * impedance:
         return ()
     unit = "N*m*s/rad" if campaign.rig.axes[name].motion == ROTATION else "N*s/m"
